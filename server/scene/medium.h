@@ -1,0 +1,20 @@
+// Participating media.
+#pragma once
+
+#include "core/vector.h"
+#include "scene/description.h"
+
+namespace fogbank::scene {
+
+/// Homogeneous medium. `sigma_t` is per scene unit with the file's `scale` applied; albedo = sigma_s /
+/// sigma_t in [0, 1].
+struct Medium {
+  std::string id;
+  Spectrum sigma_t{0};
+  Spectrum albedo{0};
+  ObjectPointer phase;  ///< null means isotropic; `transport` builds the phase function
+
+  Spectrum sigma_s() const { return sigma_t * albedo; }
+};
+
+}  // namespace fogbank::scene
