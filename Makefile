@@ -1,0 +1,57 @@
+# Fogbank's front door; `make help` lists the targets. Everything here is safe to run again: what is up to date is
+# passed over.
+PRESET ?= release
+PREFIX ?= /usr/local
+JOBS ?= $(shell nproc)
+
+build_folder := build/$(PRESET)
+python := .venv/bin/python
+
+.DEFAULT_GOAL := help
+.PHONY: help setup stubs build demo test install bench soak format lint lock clean
+
+help: ## this list
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{ printf "make %-9s %s\n", $$1, $$2 }'
+
+setup: ## Debian packages and .venv, where anything is missing
+	@deploy/setup.sh
+
+stubs: setup
+	@$(python) clients/python/generate_stubs.py
+
+build: setup stubs ## the server (build/release/bin/fogbankd), its tests and the Python stubs; PRESET=release|dev|asan|tsan
+	@test -f $(build_folder)/build.ninja || cmake --preset $(PRESET)
+	@cmake --build --preset $(PRESET) --parallel $(JOBS)
+
+demo: build ## render scenes/shafts through a local server into out/shafts.exr and out/shafts.png
+	@mkdir -p out
+	@.venv/bin/fogbank render scenes/shafts/shafts.xml --integrator volpath --spp 64 -o out/shafts.exr -o out/shafts.png
+
+test: build ## build, then every test: C++ units, Python (clients, service, oracle), lint
+	@PRESET=$(PRESET) JOBS=$(JOBS) tests/run.sh
+
+install: build ## link the fogbank command into PREFIX/bin (default /usr/local)
+	@mkdir -p $(DESTDIR)$(PREFIX)/bin
+	@ln -sfn $(CURDIR)/.venv/bin/fogbank $(DESTDIR)$(PREFIX)/bin/fogbank
+	@echo "fogbank: linked as $(DESTDIR)$(PREFIX)/bin/fogbank"
+
+bench: build ## the figures of the README: speed against Mitsuba 3, streaming, start-up
+	@$(python) tests/bench/run.py
+
+soak: build ## the long tests: many jobs, clients that come and go, faults
+	@$(python) -m pytest tests -m soak
+
+format: setup ## reformat C++ and Python in place
+	@git ls-files -z '*.cpp' '*.h' | xargs -0 --no-run-if-empty clang-format -i
+	@.venv/bin/ruff check --quiet --fix-only .
+	@.venv/bin/ruff format --quiet .
+
+lint: build ## clang-format, clang-tidy, ruff, mypy and buf, without changing anything
+	@PRESET=$(PRESET) JOBS=$(JOBS) tests/lint.sh
+
+lock: setup ## pin the newest Python packages that pyproject.toml allows into deploy/python-packages.lock
+	@build/uv/bin/uv pip compile --quiet --universal --generate-hashes --custom-compile-command 'make lock' \
+	  --python $(python) --group build --group lint --group test --output-file deploy/python-packages.lock pyproject.toml
+
+clean: ## remove what was built; .venv and the Debian packages stay
+	@rm -rf build out clients/python/fogbank/_generated
