@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <variant>
@@ -20,7 +21,8 @@ namespace fogbank::scene {
 struct ObjectDescription;
 using ObjectPointer = std::shared_ptr<const ObjectDescription>;
 
-/// bool `<boolean>`, int64 `<integer>`, double `<float>`, string, Vec3d `<point>`/`<vector>`, Spectrum
+/// bool `<boolean>`, int64 `<integer>`, double `<float>`, string (a `filename` is already a logical path),
+/// Vec3d `<point>`/`<vector>`, Spectrum
 /// `<rgb>`/`<spectrum>` (already linear sRGB), Mat4d `<transform>`, object (a nested plugin or a resolved
 /// `<ref>`).
 using PropertyValue = std::variant<bool, int64_t, double, std::string, Vec3d, Spectrum, Mat4d, ObjectPointer>;
@@ -86,6 +88,7 @@ class PropertyReader {
 
   const ObjectDescription& object_;
   std::vector<bool> used_;
+  std::set<std::string, std::less<>> known_;  ///< every name that was asked for: what `finish` offers instead
 };
 
 }  // namespace fogbank::scene
