@@ -16,12 +16,24 @@ enum class Compression : uint8_t { none, zip };
 /// Header attributes, name -> text ("fogbank:scene", "fogbank:settings", ...).
 using Provenance = std::map<std::string, std::string>;
 
-/// One tile as an EXR file: data window = the tile's window, display window = the whole film. Values over the
-/// half range are clamped to it. Channels R, G, B.
+/// What every final image says about its making: "fogbank:version", "fogbank:scene" (fingerprint),
+/// "fogbank:integrator", "fogbank:settings" (JSON), "fogbank:seed", "fogbank:samples_per_pixel",
+/// "fogbank:samples", "fogbank:rays", "fogbank:render_seconds", "fogbank:render_cpu_seconds". Neither host
+/// names nor paths.
+Provenance describe(const RenderSettings& settings, const Progress& progress,
+                    const std::string& scene_fingerprint);
+
+/// Uncompressed up to 128 KiB of pixels, as compressing costs ten times the encoding; zip above it.
+Compression tile_compression(const scene::Window& window, PixelType type);
+
+/// One tile as an EXR file: data window = the tile's window, display window = the whole film. Channels R, G,
+/// B, linear sRGB. Values over the half range are clamped to it. Below 256 KiB for every tile that `validate`
+/// lets pass. Throws Error(internal, "NON_FINITE_PIXEL" / "EXR_ENCODING").
 std::string encode_tile(const TilePixels& tile, int32_t full_width, int32_t full_height, PixelType type,
                         Compression compression);
 
-/// The final image; with `variance` also channels variance.R, variance.G, variance.B.
+/// The final image, zip; with `variance` also channels variance.R, variance.G, variance.B. Errors as
+/// `encode_tile`.
 std::string encode_image(const Image& image, PixelType type, bool variance, const Provenance& provenance);
 
 }  // namespace fogbank::render

@@ -1,0 +1,42 @@
+// The integrators by name. A new one is its own file and one line here.
+#include <string>
+
+#include "core/error.h"
+#include "integrators/integrator.h"
+
+namespace fogbank::integrators {
+
+namespace {
+
+struct Entry {
+  IntegratorInfo info;
+  std::unique_ptr<Integrator> (*make)(std::shared_ptr<const transport::World> world,
+                                      const IntegratorSettings& settings);
+};
+
+const std::vector<Entry>& entries() {
+  static const std::vector<Entry> all{};
+  return all;
+}
+
+}  // namespace
+
+std::unique_ptr<Integrator> make_integrator(const std::string& name,
+                                            std::shared_ptr<const transport::World> world,
+                                            const IntegratorSettings& settings) {
+  std::string known;
+  for (const Entry& entry : entries()) {
+    if (entry.info.name == name) return entry.make(std::move(world), settings);
+    known += (known.empty() ? "" : ", ") + entry.info.name;
+  }
+  throw Error(ErrorKind::invalid_argument, "UNKNOWN_INTEGRATOR",
+              "there is no integrator \"" + name + "\"; known: " + known);
+}
+
+std::vector<IntegratorInfo> supported_integrators() {
+  std::vector<IntegratorInfo> infos;
+  for (const Entry& entry : entries()) infos.push_back(entry.info);
+  return infos;
+}
+
+}  // namespace fogbank::integrators

@@ -1,0 +1,46 @@
+#include "render/passes.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fogbank::render {
+
+namespace {
+
+constexpr uint32_t samples_of_a_task = 1u << 16;
+constexpr uint32_t least_share = 8;  // no pass is longer than 1 / least_share of the whole
+constexpr double usable_share_of_rest = 0.9;
+
+}  // namespace
+
+uint32_t samples_of_next_pass(uint32_t samples_done, uint32_t samples_in_all, uint32_t pixels_of_a_tile) {
+  const uint32_t left = samples_in_all - std::min(samples_done, samples_in_all);
+  const uint32_t share = (samples_in_all + least_share - 1) / least_share;
+  const uint32_t task = std::max(1u, samples_of_a_task / std::max(1u, pixels_of_a_tile));
+  return std::min({left, std::max(1u, samples_done), share, task});
+}
+
+uint32_t count_passes(uint32_t samples_in_all, uint32_t pixels_of_a_tile) {
+  uint32_t passes = 0;
+  uint32_t done = 0;
+  while (const uint32_t samples = samples_of_next_pass(done, samples_in_all, pixels_of_a_tile)) {
+    done += samples;
+    ++passes;
+  }
+  return passes;
+}
+
+uint32_t samples_of_next_pass(uint32_t samples_done, uint32_t samples_in_all, uint32_t pixels_of_a_tile,
+                              double seconds_elapsed, double seconds_budget) {
+  const uint32_t unrestricted = samples_of_next_pass(samples_done, samples_in_all, pixels_of_a_tile);
+  if (samples_done == 0) return unrestricted;
+  const double left = seconds_budget - seconds_elapsed;
+  if (!(left > 0)) return 0;
+  const double pace = seconds_elapsed / samples_done;  // seconds a sample of every pixel
+  const double fits = std::floor(left * usable_share_of_rest / pace);
+  if (!(fits >= 1)) return 0;
+  const double share = std::fmax(1.0, std::floor(seconds_budget / least_share / pace));
+  return static_cast<uint32_t>(std::fmin(unrestricted, std::fmin(fits, share)));
+}
+
+}  // namespace fogbank::render

@@ -1,0 +1,27 @@
+// How the samples of a pixel are split into passes. The split never changes the image (render_job.h); it
+// decides how soon a watcher sees a whole picture, how much is lost when a job ends early, and how long a
+// thread is bound to a task.
+#pragma once
+
+#include <cstdint>
+
+namespace fogbank::render {
+
+/// Samples of the pass that follows `samples_done`; 0 when all are done. 1, 1, 2, 4, 8, ...: each pass
+/// doubles the samples, so that the noise visibly falls with each and the first picture comes at once. Then
+/// the size stays, at an eighth of all samples (what a budget or a crash can lose), or where a task reaches
+/// 2^16 samples, a fraction of a second on one core (which bounds how unfairly jobs that take turns by task
+/// can share a core, and the time between two updates of a tile).
+uint32_t samples_of_next_pass(uint32_t samples_done, uint32_t samples_in_all, uint32_t pixels_of_a_tile);
+
+/// Number of passes that `samples_of_next_pass` makes.
+uint32_t count_passes(uint32_t samples_in_all, uint32_t pixels_of_a_tile);
+
+/// The same under a time budget: at most what, at the mean pace so far, takes an eighth of the budget and
+/// ends before nine tenths of the time that is left; 0 when not even one sample does. The tenth is for an
+/// uneven pace: a pass that doesn't end in time is lost. The first pass (`samples_done` = 0) isn't
+/// restricted.
+uint32_t samples_of_next_pass(uint32_t samples_done, uint32_t samples_in_all, uint32_t pixels_of_a_tile,
+                              double seconds_elapsed, double seconds_budget);
+
+}  // namespace fogbank::render

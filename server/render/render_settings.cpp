@@ -1,0 +1,109 @@
+// Checks of RenderSettings.
+#include <cmath>
+#include <string>
+
+#include "core/error.h"
+#include "render/render_job.h"
+#include "render/tiles.h"
+
+namespace fogbank::render {
+
+namespace {
+
+[[noreturn]] void fail(const std::string& field, const std::string& message) {
+  throw Error(ErrorKind::invalid_argument, "INVALID_RENDER_SETTINGS", field + ": " + message);
+}
+
+template <typename Number>
+void check_range(const char* field, Number value, Number lowest, Number highest) {
+  // Written so that NaN fails.
+  if (value >= lowest && value <= highest) return;
+  fail(field,
+       std::to_string(value) + " is not in " + std::to_string(lowest) + " .. " + std::to_string(highest));
+}
+
+void check_positive(const char* field, double value) {
+  if (!(std::isfinite(value) && value > 0))
+    fail(field, std::to_string(value) + " is not positive and finite");
+}
+
+std::string to_string(const scene::Window& window) {
+  return std::to_string(window.width) + "x" + std::to_string(window.height) + " at (" +
+         std::to_string(window.x) + ", " + std::to_string(window.y) + ")";
+}
+
+void validate_film(const scene::Film& film) {
+  check_range("film.width", film.width, 1, RenderLimits::film_side);
+  check_range("film.height", film.height, 1, RenderLimits::film_side);
+  const scene::Window& crop = film.crop;
+  // 64 bits, as x + width of a hostile window need not fit into 32.
+  if (crop.width < 1 || crop.height < 1 || crop.x < 0 || crop.y < 0 ||
+      int64_t{crop.x} + crop.width > film.width || int64_t{crop.y} + crop.height > film.height) {
+    fail("film.crop", to_string(crop) + " is empty or not inside the film of " + std::to_string(film.width) +
+                          "x" + std::to_string(film.height));
+  }
+  if (int64_t{crop.width} * crop.height > RenderLimits::crop_pixels) {
+    fail("film.crop",
+         to_string(crop) + " has more than " + std::to_string(RenderLimits::crop_pixels) + " pixels");
+  }
+  check_positive("film.filter_radius", film.filter_radius);
+  if (film.filter == scene::ReconstructionFilter::gaussian) {
+    check_positive("film.filter_stddev", film.filter_stddev);
+  }
+}
+
+void validate_sensor(const scene::Sensor& sensor) {
+  for (int column = 0; column < 4; ++column) {
+    for (int row = 0; row < 4; ++row) {
+      if (!std::isfinite(sensor.to_world[column][row]))
+        fail("sensor.to_world", "has an element that is not finite");
+    }
+  }
+  const Vec3d x(sensor.to_world[0]);
+  const Vec3d y(sensor.to_world[1]);
+  const Vec3d z(sensor.to_world[2]);
+  // Relative to the lengths of the axes, so that a scene in kilometres and one in micrometres are judged
+  // alike.
+  const double volume = std::fabs(glm::dot(x, glm::cross(y, z)));
+  if (!(volume > 1e-9 * glm::length(x) * glm::length(y) * glm::length(z)))
+    fail("sensor.to_world", "is singular");
+  if (sensor.kind != scene::SensorKind::orthographic &&
+      !(sensor.fov_x_degrees > 0 && sensor.fov_x_degrees < 180)) {
+    fail("sensor.fov_x_degrees", std::to_string(sensor.fov_x_degrees) + " is not between 0 and 180");
+  }
+  check_positive("sensor.near_clip", sensor.near_clip);
+  check_positive("sensor.far_clip", sensor.far_clip);
+  if (sensor.far_clip <= sensor.near_clip) fail("sensor.far_clip", "is not beyond sensor.near_clip");
+  if (sensor.kind == scene::SensorKind::thinlens) {
+    check_positive("sensor.aperture_radius", sensor.aperture_radius);
+    check_positive("sensor.focus_distance", sensor.focus_distance);
+  }
+  if (!std::isfinite(sensor.principal_point_offset.x) || !std::isfinite(sensor.principal_point_offset.y)) {
+    fail("sensor.principal_point_offset", "is not finite");
+  }
+}
+
+}  // namespace
+
+void validate(const RenderSettings& settings) {
+  check_range("samples_per_pixel", settings.samples_per_pixel, 1, RenderLimits::samples_per_pixel);
+  check_range("time_budget_seconds", settings.time_budget_seconds, 0.0, RenderLimits::time_budget_seconds);
+  check_range("integrator_settings.max_depth", settings.integrator_settings.max_depth, -1,
+              RenderLimits::path_depth);
+  check_range("integrator_settings.rr_depth", settings.integrator_settings.rr_depth, 1,
+              RenderLimits::path_depth);
+  check_range("tile_size", settings.tile_size, RenderLimits::smallest_tile, RenderLimits::largest_tile);
+  validate_film(settings.film);
+  validate_sensor(settings.sensor);
+  if (settings.first_region) {
+    const scene::Window& region = *settings.first_region;
+    const scene::Window film{0, 0, settings.film.width, settings.film.height};
+    if (region.width < 1 || region.height < 1 || region.x < 0 || region.y < 0 ||
+        int64_t{region.x} + region.width > film.width || int64_t{region.y} + region.height > film.height ||
+        !overlap(region, settings.film.crop)) {
+      fail("first_region", to_string(region) + " is empty, not inside the film or outside the crop window");
+    }
+  }
+}
+
+}  // namespace fogbank::render
