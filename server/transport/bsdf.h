@@ -5,6 +5,8 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "core/frame.h"
@@ -33,6 +35,13 @@ struct BsdfSample {
   bool null = false;   ///< passed straight through: not a scattering event
 };
 
+/// What a BSDF says about one pair of directions.
+struct BsdfValue {
+  Spectrum value{0};  ///< f(wo, wi) |cos theta_i| of all non-delta lobes, 1/sr
+  float pdf = 0;      ///< density of `sample` for wi per solid angle, non-delta lobes only (times their
+                  ///< probability of being chosen)
+};
+
 /// Immutable; safe from any thread. Transport mode is radiance: rough and smooth refraction scale by 1 /
 /// eta^2. Energy: for every wo the sample's expected weight is <= 1 per channel (dielectrics: up to the eta^2
 /// radiance scale).
@@ -40,18 +49,23 @@ class Bsdf {
  public:
   virtual ~Bsdf() = default;
 
-  /// f(wo, wi) |cos theta_i| of all non-delta lobes. `wo` points to where the path came from, `wi` to the
-  /// light.
-  virtual Spectrum evaluate(const ShadingPoint& point, const Vec3f& wo, const Vec3f& wi) const = 0;
-  /// Density of `sample` for `wi`, per solid angle, non-delta lobes only (times their probability of being
-  /// chosen).
-  virtual float pdf(const ShadingPoint& point, const Vec3f& wo, const Vec3f& wi) const = 0;
+  /// Value and density for the directions `wo` (to where the path came from) and `wi` (to the light); both 0
+  /// where nothing scatters. In one call because next-event estimation and the integrators always need both.
+  virtual BsdfValue evaluate_with_pdf(const ShadingPoint& point, const Vec3f& wo, const Vec3f& wi) const = 0;
+  Spectrum evaluate(const ShadingPoint& point, const Vec3f& wo, const Vec3f& wi) const {
+    return evaluate_with_pdf(point, wo, wi).value;
+  }
+  float pdf(const ShadingPoint& point, const Vec3f& wo, const Vec3f& wi) const {
+    return evaluate_with_pdf(point, wo, wi).pdf;
+  }
   /// Draws a direction; nullopt when the path ends. `lobe` and `direction` are canonical random numbers.
   virtual std::optional<BsdfSample> sample(const ShadingPoint& point, const Vec3f& wo, float lobe,
                                            const Vec2f& direction) const = 0;
   /// Share of light that goes straight on (null, mask, thindielectric); shadow rays multiply by it. In [0,
   /// 1].
   virtual Spectrum null_transmission(const ShadingPoint&, const Vec3f& /*wo*/) const { return Spectrum(0); }
+  /// Does light get through to the other side, bent or straight?
+  virtual bool transmits() const { return false; }
   /// Has lobes that next-event estimation can reach?
   virtual bool has_smooth_lobes() const = 0;
   /// Mean reflectance, for plans and sampling weights only.
@@ -78,7 +92,9 @@ class BsdfBuilder {
   scene::TextureLibrary& textures_;
   bool lenient_;
   std::vector<std::string>& warnings_;
-  std::vector<std::pair<scene::ObjectPointer, BsdfPointer>> built_;
+  /// By description; the pointer to it is kept so that its address stays unique.
+  std::unordered_map<const scene::ObjectDescription*, std::pair<scene::ObjectPointer, BsdfPointer>> built_;
+  int32_t depth_ = 0;  ///< of nesting, while building
 };
 
 /// Names of all BSDF plugins, sorted.
