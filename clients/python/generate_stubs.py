@@ -2,8 +2,8 @@
 
     .venv/bin/python clients/python/generate_stubs.py
 
-Does nothing when the stubs are newer in content than their inputs: a stamp holds the hash of the .proto files, of
-this script and of the generators' versions. `proto/fogbank/v1/x.proto` becomes `fogbank._generated.v1.x_pb2`.
+Does nothing when nothing has changed: a stamp holds the hash of the .proto files, of this script and of the
+generators' versions. `proto/fogbank/v1/x.proto` becomes `fogbank._generated.v1.x_pb2`.
 """
 
 from __future__ import annotations
@@ -37,10 +37,12 @@ def _fingerprint(protos: list[Path]) -> str:
 def _relocate(source: str, *, is_stub: bool) -> str:
     """Rewrites imports of `fogbank.v1` to where the stubs really are.
 
-    protoc derives Python module names from the .proto path and has no option for it. In .py files only import lines
-    may change: descriptors and method names also contain "fogbank.v1", and there it is the wire name.
+    protoc derives Python module names from the .proto path and has no option for it. In .py files only import
+    lines may change: descriptors and method names also contain "fogbank.v1", and there it is the wire name.
     """
-    source = re.sub(r"^from fogbank\.v1 import ", "from fogbank._generated.v1 import ", source, flags=re.MULTILINE)
+    source = re.sub(
+        r"^from fogbank\.v1 import ", "from fogbank._generated.v1 import ", source, flags=re.MULTILINE
+    )
     if is_stub:
         source = re.sub(r"\bfogbank\.v1\.(?=\w+_pb2)", "fogbank._generated.v1.", source)
     return source
