@@ -1,0 +1,94 @@
+"""Fogbank: renders scenes in fog, as a service.
+
+import fogbank
+with fogbank.connect() as service:
+    scene = service.load("scenes/shafts/shafts.xml")
+    job = scene.render(integrator="volpath", spp=64)
+    for tile in job.tiles():
+        ...
+    image = job.result()
+    image.save("out.exr")
+"""
+
+import os
+
+# Makes gRPC survive a fork, so that forked children can open channels of their own; read when grpc is imported.
+os.environ.setdefault("GRPC_ENABLE_FORK_SUPPORT", "1")
+
+from fogbank.camera import CameraLike
+from fogbank.capabilities import Capabilities, Limit, ServerStatus
+from fogbank.errors import (
+    AbortedError,
+    AlreadyExistsError,
+    CallCancelledError,
+    DataLossError,
+    DeadlineExceededError,
+    FailedPreconditionError,
+    FogbankError,
+    InternalError,
+    InvalidArgumentError,
+    InvalidSceneError,
+    JobCancelledError,
+    JobFailedError,
+    NotFoundError,
+    PermissionDeniedError,
+    ResourceExhaustedError,
+    ServerStartError,
+    UnauthenticatedError,
+    UnavailableError,
+    UnsupportedError,
+)
+from fogbank.image import Image, to_srgb
+from fogbank.job import Job, JobEvent, JobState, Progress, RenderStatistics
+from fogbank.pixels import Tile, place
+from fogbank.retry import RetryPolicy
+from fogbank.scene import LoadTimes, RenderDefaults, Scene, SceneStatistics
+from fogbank.service import Service, connect
+from fogbank.settings import RenderOptions
+from fogbank.upload import UploadProgress
+from fogbank.window import Window
+
+__all__ = [
+    "AbortedError",
+    "AlreadyExistsError",
+    "CallCancelledError",
+    "CameraLike",
+    "Capabilities",
+    "DataLossError",
+    "DeadlineExceededError",
+    "FailedPreconditionError",
+    "FogbankError",
+    "Image",
+    "InternalError",
+    "InvalidArgumentError",
+    "InvalidSceneError",
+    "Job",
+    "JobCancelledError",
+    "JobEvent",
+    "JobFailedError",
+    "JobState",
+    "Limit",
+    "LoadTimes",
+    "NotFoundError",
+    "PermissionDeniedError",
+    "Progress",
+    "RenderDefaults",
+    "RenderOptions",
+    "RenderStatistics",
+    "ResourceExhaustedError",
+    "RetryPolicy",
+    "Scene",
+    "SceneStatistics",
+    "ServerStartError",
+    "ServerStatus",
+    "Service",
+    "Tile",
+    "UnauthenticatedError",
+    "UnavailableError",
+    "UnsupportedError",
+    "UploadProgress",
+    "Window",
+    "connect",
+    "place",
+    "to_srgb",
+]

@@ -1,0 +1,129 @@
+"""What a server is and how busy it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from fogbank._generated.v1 import server_pb2
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A number that the server enforces or promises."""
+
+    value: float
+    """The number."""
+
+    unit: str
+    """"bytes", "seconds", "pixels" or "count"."""
+
+    description: str
+    """What it limits."""
+
+
+@dataclass(frozen=True)
+class Capabilities:
+    """What a server is and can do; the same for as long as it runs."""
+
+    version: str
+    """Version of Fogbank."""
+
+    build_id: str
+    """Two servers with the same build id give the same pixels."""
+
+    integrators: dict[str, str]
+    """What `RenderOptions.integrator` takes, each with a description."""
+
+    limits: dict[str, Limit]
+    """By name."""
+
+    scene_plugins: dict[str, list[str]]
+    """Plugins that the scene loader reads, by kind ("shape", "bsdf", ...)."""
+
+    channel_arguments: dict[str, int]
+    """gRPC channel arguments that clients are to use; this package does."""
+
+    scene_root: bool
+    """True when `Service.load_server_file` works."""
+
+    @classmethod
+    def from_message(cls, message: server_pb2.GetCapabilitiesResponse) -> Capabilities:
+        """The capabilities of a wire message."""
+        return cls(
+            version=message.version,
+            build_id=message.build_id,
+            integrators={integrator.name: integrator.description for integrator in message.integrators},
+            limits={
+                limit.name: Limit(limit.value, limit.unit, limit.description) for limit in message.limits
+            },
+            scene_plugins={plugins.kind: list(plugins.names) for plugins in message.scene_plugins},
+            channel_arguments={argument.name: argument.value for argument in message.channel_arguments},
+            scene_root=message.scene_root,
+        )
+
+
+@dataclass(frozen=True)
+class ServerStatus:
+    """How busy a server is."""
+
+    start_time: datetime
+    """When it was started, UTC."""
+
+    uptime_seconds: float
+    """Seconds since then."""
+
+    jobs: dict[str, int]
+    """Number of jobs by state ("queued", "running", "succeeded", "failed", "cancelled")."""
+
+    scenes: int
+    """Scenes that are known."""
+
+    resident_scenes: int
+    """Scenes in memory."""
+
+    worker_threads: int
+    """Worker threads."""
+
+    busy_threads: int
+    """Worker threads that render at this moment."""
+
+    memory_bytes: int
+    """Resident memory of the server's process."""
+
+    scene_memory_bytes: int
+    """Memory of the loaded scenes."""
+
+    rays_per_second: float
+    """All jobs, over the last seconds."""
+
+    rays: int
+    """Rays since the start."""
+
+    watchers: int
+    """Clients that are following a job."""
+
+    @classmethod
+    def from_message(cls, message: server_pb2.GetServerStatusResponse) -> ServerStatus:
+        """The status of a wire message."""
+        jobs = message.jobs
+        return cls(
+            start_time=message.start_time.ToDatetime(UTC),
+            uptime_seconds=message.uptime_seconds,
+            jobs={
+                "queued": jobs.queued,
+                "running": jobs.running,
+                "succeeded": jobs.succeeded,
+                "failed": jobs.failed,
+                "cancelled": jobs.cancelled,
+            },
+            scenes=message.scenes,
+            resident_scenes=message.resident_scenes,
+            worker_threads=message.worker_threads,
+            busy_threads=message.busy_threads,
+            memory_bytes=message.memory_bytes,
+            scene_memory_bytes=message.scene_memory_bytes,
+            rays_per_second=message.rays_per_second,
+            rays=message.rays,
+            watchers=message.watchers,
+        )

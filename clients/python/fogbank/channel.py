@@ -1,0 +1,147 @@
+"""The connection to a server: channel options, stubs, retries, and what a fork does to them."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable
+from typing import Protocol, TypeVar
+
+import grpc
+
+from fogbank._generated.v1.render_pb2_grpc import RenderServiceStub
+from fogbank._generated.v1.scene_pb2_grpc import SceneServiceStub
+from fogbank._generated.v1.server_pb2_grpc import ServerServiceStub
+from fogbank.errors import FogbankError, UnavailableError, from_rpc_error
+from fogbank.retry import Backoff, RetryPolicy
+
+# The same table as GetCapabilities.channel_arguments; an end-to-end test compares the two.
+CHANNEL_OPTIONS: tuple[tuple[str, int], ...] = (
+    # With bandwidth probing the receive window grows without bound: 40 stalled streams took 2.3 GiB of memory.
+    ("grpc.http2.bdp_probe", 0),
+    # Two tile messages in flight; beyond that the server is held back and sends newer tiles instead.
+    ("grpc.http2.lookahead_bytes", 65536),
+    # Finds half-open connections within 40 s; faster pings make servers hang up with "too many pings".
+    ("grpc.keepalive_time_ms", 30_000),
+    ("grpc.keepalive_timeout_ms", 10_000),
+)
+
+Request_contra = TypeVar("Request_contra", contravariant=True)
+Response_co = TypeVar("Response_co", covariant=True)
+
+# Channels that were inherited through a fork. Their threads and sockets belong to the parent; destroying them in the
+# child can hang or disturb the parent, so they are kept, untouched, until the process ends.
+_inherited_channels: list[grpc.Channel] = []
+
+
+class UnaryCall(Protocol[Request_contra, Response_co]):
+    """A unary method of a stub."""
+
+    def __call__(self, request: Request_contra, timeout: float | None = None) -> Response_co:
+        """Sends the request and waits for the answer, at most `timeout` seconds."""
+        ...
+
+
+class Stubs:
+    """The services of one channel."""
+
+    def __init__(self, channel: grpc.Channel) -> None:
+        """Binds the stubs to the channel."""
+        self.channel = channel
+        self.scenes = SceneServiceStub(channel)
+        self.render = RenderServiceStub(channel)
+        self.server = ServerServiceStub(channel)
+
+
+class Connection:
+    """One server, reached from any thread of this process or of its forked children.
+
+    Args:
+        target: "host:port" or "unix:/path".
+        retry_policy: for calls and streams that meet UNAVAILABLE.
+        explain_unavailable: asked for a better error when the server cannot be reached, such as the log of an
+            embedded server that died; its answer is raised without further tries.
+    """
+
+    def __init__(
+        self,
+        target: str,
+        *,
+        retry_policy: RetryPolicy | None = None,
+        explain_unavailable: Callable[[], FogbankError | None] | None = None,
+    ) -> None:
+        """See the class for the meaning of the arguments."""
+        self.target = target
+        self.retry_policy = retry_policy or RetryPolicy()
+        self._explain_unavailable = explain_unavailable
+        self._lock = threading.Lock()
+        self._stubs: Stubs | None = None
+        self._process_id = os.getpid()
+        self._closed = False
+
+    @property
+    def stubs(self) -> Stubs:
+        """The stubs of this process; a forked child gets a channel of its own."""
+        if self._process_id != os.getpid():
+            # Another thread of the parent may have held the lock at the moment of the fork.
+            self._lock = threading.Lock()
+            if self._stubs is not None:
+                _inherited_channels.append(self._stubs.channel)
+            self._stubs = None
+            self._process_id = os.getpid()
+        with self._lock:
+            if self._closed:
+                raise UnavailableError(f"the connection to {self.target} is closed")
+            if self._stubs is None:
+                self._stubs = Stubs(grpc.insecure_channel(self.target, options=CHANNEL_OPTIONS))
+            return self._stubs
+
+    def close(self) -> None:
+        """Closes the channel; calls under way end with CallCancelledError. Harmless when repeated."""
+        with self._lock:
+            self._closed = True
+            if self._stubs is not None and self._process_id == os.getpid():
+                self._stubs.channel.close()
+            self._stubs = None
+
+    def call(
+        self,
+        method: Callable[[Stubs], UnaryCall[Request_contra, Response_co]],
+        request: Request_contra,
+        *,
+        idempotent: bool = True,
+        timeout: float | None = None,
+    ) -> Response_co:
+        """Calls a unary method; tries again after UNAVAILABLE when it is idempotent.
+
+        Args:
+            method: picks it from the stubs, for example `lambda stubs: stubs.render.GetJob`.
+            request: its request.
+            idempotent: whether a second try can do no harm.
+            timeout: seconds for each try; None for no limit.
+        """
+        backoff = Backoff(self.retry_policy)
+        while True:
+            try:
+                return method(self.stubs)(request, timeout=timeout)
+            except grpc.RpcError as rpc_error:
+                error = self.translate(rpc_error)
+                if not idempotent:
+                    raise error from None
+                self.wait_or_raise(backoff, error)
+
+    def translate(self, rpc_error: grpc.RpcError) -> FogbankError:
+        """The exception for a failed call."""
+        error = from_rpc_error(rpc_error)
+        if isinstance(error, UnavailableError) and not error.reason:
+            error.message = f"cannot reach the server at {self.target}: {error.message}"
+            error.args = (error.message,)
+        return error
+
+    def wait_or_raise(self, backoff: Backoff, error: FogbankError) -> None:
+        """Waits before the next try, or raises: `error`, or the explanation of a server that is gone for good."""
+        if isinstance(error, UnavailableError) and self._explain_unavailable is not None:
+            explanation = self._explain_unavailable()
+            if explanation is not None:
+                raise explanation from None
+        backoff.wait_or_raise(error)

@@ -1,0 +1,193 @@
+"""Scenes that are loaded on a server."""
+
+from __future__ import annotations
+
+import uuid
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Unpack
+
+from fogbank._generated.v1 import render_pb2, scene_pb2
+from fogbank.channel import Connection
+from fogbank.job import Job
+from fogbank.settings import RenderOptions, settings_message
+from fogbank.window import Window
+
+
+@dataclass(frozen=True)
+class SceneStatistics:
+    """Counts and sizes of a scene."""
+
+    triangles: int
+    """Triangles, instances counted once."""
+
+    shapes: int
+    """Shapes."""
+
+    lights: int
+    """Light sources; an emitting mesh counts as one."""
+
+    media: int
+    """Participating media."""
+
+    memory_bytes: int
+    """Memory of the loaded scene."""
+
+    file_bytes: int
+    """Size of all its files."""
+
+
+@dataclass(frozen=True)
+class LoadTimes:
+    """Wall-clock seconds of each stage of the most recent loading."""
+
+    parse_seconds: float
+    """XML."""
+
+    meshes_seconds: float
+    """Mesh files."""
+
+    textures_seconds: float
+    """Image files."""
+
+    bvh_seconds: float
+    """Acceleration structure."""
+
+    total_seconds: float
+    """The whole, everything included."""
+
+
+@dataclass(frozen=True)
+class RenderDefaults:
+    """What a job renders when its options do not say otherwise: the scene file's own film and integrator."""
+
+    size: tuple[int, int]
+    """Width and height of the film in pixels."""
+
+    crop: Window
+    """The film's crop window; the whole film when it has none."""
+
+    integrator: str
+    """The integrator."""
+
+    spp: int
+    """Samples per pixel."""
+
+    max_depth: int
+    """Greatest path length in edges, -1 for no limit."""
+
+    rr_depth: int
+    """Path length from which Russian roulette ends paths."""
+
+
+class Scene:
+    """A loaded scene. It stays on the server when this object goes."""
+
+    def __init__(self, connection: Connection, message: scene_pb2.Scene, *, loaded_now: bool = False) -> None:
+        """Made by `Service.load` and `Service.scene`, not by users."""
+        self._connection = connection
+        self._message = message
+        self._loaded_now = loaded_now
+
+    def __repr__(self) -> str:
+        """File and name."""
+        return f"<fogbank.Scene {self.main_path} {self.name}>"
+
+    @property
+    def name(self) -> str:
+        """The name on the server, "scenes/{fingerprint}"; the same for the same contents."""
+        return self._message.name
+
+    @property
+    def main_path(self) -> str:
+        """Path of the XML file below the scene's root."""
+        return self._message.main_path
+
+    @property
+    def radiance_fingerprint(self) -> str:
+        """Identifies the radiance field; scenes that share it differ in camera, film and integrator only."""
+        return self._message.radiance_fingerprint
+
+    @property
+    def create_time(self) -> datetime:
+        """When the server first loaded it, UTC."""
+        return self._message.create_time.ToDatetime(UTC)
+
+    @property
+    def resident(self) -> bool:
+        """True when it was in memory when this client last heard of it; else the next job loads it again."""
+        return self._message.resident
+
+    @property
+    def load_seconds(self) -> float:
+        """Wall-clock seconds that the server spent on loading it for this object; 0 when it was loaded before."""
+        return self._message.load_times.total_seconds if self._loaded_now else 0.0
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the loader substituted or ignored, each with file, line and element."""
+        return list(self._message.warnings)
+
+    @property
+    def statistics(self) -> SceneStatistics:
+        """Counts and sizes."""
+        message = self._message.statistics
+        return SceneStatistics(
+            triangles=message.triangles,
+            shapes=message.shapes,
+            lights=message.lights,
+            media=message.media,
+            memory_bytes=message.memory_bytes,
+            file_bytes=message.file_bytes,
+        )
+
+    @property
+    def load_times(self) -> LoadTimes:
+        """What the most recent loading cost."""
+        message = self._message.load_times
+        return LoadTimes(
+            parse_seconds=message.parse_seconds,
+            meshes_seconds=message.meshes_seconds,
+            textures_seconds=message.textures_seconds,
+            bvh_seconds=message.bvh_seconds,
+            total_seconds=message.total_seconds,
+        )
+
+    @property
+    def defaults(self) -> RenderDefaults:
+        """What a job renders when its options do not say otherwise."""
+        message = self._message.defaults
+        return RenderDefaults(
+            size=(message.width, message.height),
+            crop=Window.from_message(message.crop),
+            integrator=message.integrator,
+            spp=message.samples_per_pixel,
+            max_depth=message.max_depth,
+            rr_depth=message.rr_depth,
+        )
+
+    def render(self, *, request_id: str | None = None, **options: Unpack[RenderOptions]) -> Job:
+        """Starts a render and returns at once.
+
+        Args:
+            request_id: 1 to 64 characters of [A-Za-z0-9_-]; the same id with the same options gives the same job, so
+                a program that crashed can take up its job again. A random one when None.
+            options: see `fogbank.RenderOptions`; all are optional.
+
+        Raises InvalidArgumentError, naming the option, for options that the server refuses, and
+        ResourceExhaustedError when too many jobs are waiting.
+        """
+        request = render_pb2.CreateJobRequest(
+            request_id=request_id or uuid.uuid4().hex, scene=self.name, settings=settings_message(options)
+        )
+        response = self._connection.call(lambda stubs: stubs.render.CreateJob, request)
+        return Job(self._connection, response.job)
+
+    def delete(self) -> None:
+        """Makes the server forget the scene; running jobs keep what they use."""
+        self._connection.call(
+            lambda stubs: stubs.scenes.DeleteScene,
+            scene_pb2.DeleteSceneRequest(name=self.name),
+            # A retry could not tell its own success from a scene that never was.
+            idempotent=False,
+        )
