@@ -40,9 +40,7 @@ def _relocate(source: str, *, is_stub: bool) -> str:
     protoc derives Python module names from the .proto path and has no option for it. In .py files only import
     lines may change: descriptors and method names also contain "fogbank.v1", and there it is the wire name.
     """
-    source = re.sub(
-        r"^from fogbank\.v1 import ", "from fogbank._generated.v1 import ", source, flags=re.MULTILINE
-    )
+    source = re.sub(r"^from fogbank\.v1 import ", "from fogbank._generated.v1 import ", source, flags=re.MULTILINE)
     if is_stub:
         source = re.sub(r"\bfogbank\.v1\.(?=\w+_pb2)", "fogbank._generated.v1.", source)
     return source

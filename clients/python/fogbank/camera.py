@@ -58,6 +58,15 @@ def camera_message(camera: CameraLike) -> render_pb2.CameraOverride:
     return message
 
 
+def camera_options(message: render_pb2.CameraOverride) -> dict[str, Any]:
+    """The mapping that `camera_message` turns into this message."""
+    given = {field.name: value for field, value in message.ListFields()}
+    camera: dict[str, Any] = {name: given[field] for name, field in _OPTICS.items() if field in given}
+    if "to_world" in given:
+        camera["to_world"] = list(message.to_world)
+    return camera
+
+
 def look_at(
     origin: npt.NDArray[np.float64], target: npt.NDArray[np.float64], up: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:

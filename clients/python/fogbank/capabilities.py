@@ -54,9 +54,7 @@ class Capabilities:
             version=message.version,
             build_id=message.build_id,
             integrators={integrator.name: integrator.description for integrator in message.integrators},
-            limits={
-                limit.name: Limit(limit.value, limit.unit, limit.description) for limit in message.limits
-            },
+            limits={limit.name: Limit(limit.value, limit.unit, limit.description) for limit in message.limits},
             scene_plugins={plugins.kind: list(plugins.names) for plugins in message.scene_plugins},
             channel_arguments={argument.name: argument.value for argument in message.channel_arguments},
             scene_root=message.scene_root,

@@ -110,7 +110,7 @@ class EmbeddedServer:
 
     def failure(self) -> ServerStartError | None:
         """Why the server is gone; None while it runs."""
-        if self._finalizer.alive and _exit_status(self._process) is None:
+        if self._finalizer.alive and self._process.poll() is None:
             return None
         return ServerStartError(self._describe_end("the embedded server died"))
 
@@ -123,7 +123,7 @@ class EmbeddedServer:
         inherited = () if data_folder.lock is None else (data_folder.lock.fileno(),)
         try:
             with self._log.open("wb") as log:
-                return subprocess.Popen(  # noqa: S603 - the program is the user's own choice
+                return subprocess.Popen(
                     command,
                     stdin=subprocess.PIPE,
                     stdout=log,
@@ -151,7 +151,7 @@ class EmbeddedServer:
             time.sleep(_POLL_SECONDS)
 
     def _describe_end(self, what: str) -> str:
-        status = _exit_status(self._process)
+        status = self._process.poll()
         if status is not None:
             what += f" (signal {-status})" if status < 0 else f" (exit status {status})"
         try:
@@ -161,11 +161,6 @@ class EmbeddedServer:
         return "\n  ".join(
             [what + ("; its log ends with:" if lines else "; its log is empty"), *lines[-_LOG_TAIL_LINES:]]
         )
-
-
-def _exit_status(process: subprocess.Popen[bytes]) -> int | None:
-    """None while the process runs, or when it is another process's child and can't be asked."""
-    return process.poll()
 
 
 def _stop(process: subprocess.Popen[bytes], folder: Path, owner: int) -> None:

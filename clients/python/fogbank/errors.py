@@ -168,9 +168,7 @@ def job_error(state_is_cancelled: bool, status: status_pb2.Status) -> FogbankErr
     reason, metadata = _error_info(status)
     code = _CODES.get(status.code, grpc.StatusCode.UNKNOWN)
     if state_is_cancelled:
-        return JobCancelledError(
-            status.message or "the job was cancelled", reason=reason, metadata=metadata, code=code
-        )
+        return JobCancelledError(status.message or "the job was cancelled", reason=reason, metadata=metadata, code=code)
     return JobFailedError(status.message or "the job failed", reason=reason, metadata=metadata, code=code)
 
 

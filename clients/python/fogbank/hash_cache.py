@@ -99,8 +99,7 @@ class HashCache:
     def _look_up(self, key: str, identity: FileIdentity) -> str | None:
         with self._lock:
             row = self._database.execute(
-                "SELECT sha256 FROM hashes WHERE path = ? AND size = ? AND mtime_ns = ? AND ctime_ns = ?"
-                " AND inode = ?",
+                "SELECT sha256 FROM hashes WHERE path = ? AND size = ? AND mtime_ns = ? AND ctime_ns = ? AND inode = ?",
                 (key, identity.size, identity.mtime_ns, identity.ctime_ns, identity.inode),
             ).fetchone()
         return None if row is None else str(row[0])

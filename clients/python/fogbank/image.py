@@ -87,7 +87,8 @@ def to_srgb(radiance: npt.NDArray[np.float32], *, exposure: float = 0.0) -> npt.
     """
     linear = np.clip(np.asarray(radiance, dtype=np.float32) * np.float32(2.0**exposure), 0.0, 1.0)
     encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)
-    return np.rint(encoded * 255.0).astype(np.uint8)
+    display: npt.NDArray[np.uint8] = np.rint(encoded * 255.0).astype(np.uint8)
+    return display
 
 
 def _write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:

@@ -194,9 +194,7 @@ class Job:
     @property
     def statistics(self) -> RenderStatistics | None:
         """What it took and brought; None before it has succeeded."""
-        return (
-            RenderStatistics.from_message(self._message.result) if self._message.HasField("result") else None
-        )
+        return RenderStatistics.from_message(self._message.result) if self._message.HasField("result") else None
 
     @property
     def create_time(self) -> datetime:
@@ -222,9 +220,7 @@ class Job:
 
     def refresh(self) -> Job:
         """Asks the server how the job is now, and returns this object."""
-        response = self._connection.call(
-            lambda stubs: stubs.render.GetJob, render_pb2.GetJobRequest(name=self.name)
-        )
+        response = self._connection.call(lambda stubs: stubs.render.GetJob, render_pb2.GetJobRequest(name=self.name))
         self._message = response.job
         return self
 
@@ -327,9 +323,7 @@ class Job:
                     yield response
                     if kind == "ended":
                         return
-                error: FogbankError = UnavailableError(
-                    f"the stream of {self.name} broke off before the job's end"
-                )
+                error: FogbankError = UnavailableError(f"the stream of {self.name} broke off before the job's end")
             except grpc.RpcError as rpc_error:
                 error = self._connection.translate(rpc_error)
             finally:
@@ -356,9 +350,7 @@ class Job:
                     backoff.progressed()
                 if size is not None and len(data) >= size:
                     return bytes(data)
-                error: FogbankError = UnavailableError(
-                    f"the image of {self.name} broke off at byte {len(data)}"
-                )
+                error: FogbankError = UnavailableError(f"the image of {self.name} broke off at byte {len(data)}")
             except grpc.RpcError as rpc_error:
                 error = self._connection.translate(rpc_error)
             self._connection.wait_or_raise(backoff, error)

@@ -43,10 +43,12 @@ class PixelArray(np.ndarray[tuple[int, int, int], np.dtype[np.float32]]):
 
     def __reduce__(self) -> Any:  # noqa: ANN401 - as numpy declares it
         """Pickles window and the like as well."""
-        reconstruct, arguments, state = super().__reduce__()  # type: ignore[misc]
+        reduced = super().__reduce__()
+        assert isinstance(reduced, tuple)
+        reconstruct, arguments, state = reduced
         return reconstruct, arguments, (state, self.__dict__)
 
-    def __setstate__(self, state: Any) -> None:  # type: ignore[override]  # noqa: ANN401 - as numpy declares it
+    def __setstate__(self, state: Any) -> None:  # noqa: ANN401 - as numpy declares it
         """The reverse of `__reduce__`."""
         array_state, attributes = state
         super().__setstate__(array_state)
@@ -67,9 +69,7 @@ class Tile(PixelArray):
     samples_per_pixel: int
 
     @classmethod
-    def create(
-        cls, pixels: npt.NDArray[np.float32], *, window: Window, pass_: int, samples_per_pixel: int
-    ) -> Tile:
+    def create(cls, pixels: npt.NDArray[np.float32], *, window: Window, pass_: int, samples_per_pixel: int) -> Tile:
         """Wraps `pixels` of shape (window.height, window.width, 3) without copying."""
         tile = pixels.view(cls)
         tile.window = window

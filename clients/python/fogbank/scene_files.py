@@ -67,11 +67,7 @@ class SceneFiles:
         """
         parts = PurePosixPath(logical_path)
         path = self.root / parts
-        if (
-            parts.is_absolute()
-            or ".." in parts.parts
-            or not path.resolve().is_relative_to(self.root.resolve())
-        ):
+        if parts.is_absolute() or ".." in parts.parts or not path.resolve().is_relative_to(self.root.resolve()):
             raise InvalidSceneError(
                 f"{self.main_path}: {logical_path} lies outside the scene's root {self.root}; if that is meant, name"
                 " a folder that holds all files of the scene as the root (root=... or --root)"

@@ -48,9 +48,7 @@ def connect(
     """
     if address is not None:
         if data is not None or scene_root is not None or threads is not None:
-            raise TypeError(
-                "data, scene_root and threads are for the embedded server; give them or an address"
-            )
+            raise TypeError("data, scene_root and threads are for the embedded server; give them or an address")
         return Service(Connection(address, retry_policy=retry_policy))
     server = EmbeddedServer(data=data, scene_root=scene_root, threads=threads)
     connection = Connection(server.target, retry_policy=retry_policy, explain_unavailable=server.failure)
@@ -69,9 +67,7 @@ class Service:
         try:
             # Also finds out whether there is a server at all.
             self._capabilities = Capabilities.from_message(
-                connection.call(
-                    lambda stubs: stubs.server.GetCapabilities, server_pb2.GetCapabilitiesRequest()
-                )
+                connection.call(lambda stubs: stubs.server.GetCapabilities, server_pb2.GetCapabilitiesRequest())
             )
         except BaseException:
             self.close()
@@ -113,9 +109,7 @@ class Service:
     def status(self) -> ServerStatus:
         """How busy the server is now."""
         return ServerStatus.from_message(
-            self._connection.call(
-                lambda stubs: stubs.server.GetServerStatus, server_pb2.GetServerStatusRequest()
-            )
+            self._connection.call(lambda stubs: stubs.server.GetServerStatus, server_pb2.GetServerStatusRequest())
         )
 
     def load(
@@ -143,9 +137,7 @@ class Service:
         limit = self._capabilities.limits.get("max_upload_chunk_bytes")
         chunk_bytes = CHUNK_BYTES if limit is None else min(CHUNK_BYTES, int(limit.value))
         try:
-            manifest = push(
-                self._connection, files, options, chunk_bytes=chunk_bytes, on_progress=on_progress
-            )
+            manifest = push(self._connection, files, options, chunk_bytes=chunk_bytes, on_progress=on_progress)
             return self._create_scene(scene_pb2.CreateSceneRequest(manifest=manifest))
         except InvalidSceneError as error:
             if error.reason != "PATH_OUTSIDE_ROOT":
@@ -173,9 +165,7 @@ class Service:
 
     def scene(self, name: str) -> Scene:
         """A scene by its name, "scenes/{fingerprint}"; NotFoundError when the server does not know it."""
-        response = self._connection.call(
-            lambda stubs: stubs.scenes.GetScene, scene_pb2.GetSceneRequest(name=name)
-        )
+        response = self._connection.call(lambda stubs: stubs.scenes.GetScene, scene_pb2.GetSceneRequest(name=name))
         return Scene(self._connection, response.scene)
 
     def scenes(self) -> Iterator[Scene]:
@@ -194,9 +184,7 @@ class Service:
 
     def job(self, name: str) -> Job:
         """A job by its name, "jobs/{id}"; NotFoundError when the server does not know it."""
-        response = self._connection.call(
-            lambda stubs: stubs.render.GetJob, render_pb2.GetJobRequest(name=name)
-        )
+        response = self._connection.call(lambda stubs: stubs.render.GetJob, render_pb2.GetJobRequest(name=name))
         return Job(self._connection, response.job)
 
     def jobs(self, *, states: Iterable[JobState] = ()) -> Iterator[Job]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, Literal, TypedDict
 
 from fogbank._generated.v1 import render_pb2, scene_pb2
-from fogbank.camera import CameraLike, camera_message
+from fogbank.camera import CameraLike, camera_message, camera_options
 from fogbank.errors import InvalidArgumentError
 from fogbank.window import Window
 
@@ -118,52 +118,29 @@ def settings_message(options: RenderOptions) -> render_pb2.RenderSettings:
 
 
 def options_from_message(message: render_pb2.RenderSettings) -> RenderOptions:
-    """The options that a job's effective settings amount to, the camera as {"to_world": ..., "fov": ...} if replaced."""
-    options: dict[str, Any] = {
-        name: getattr(message, field)
-        for name, field in _FIELDS.items()
-        if not _has_presence(message, field) or message.HasField(field)
-    }
-    if message.HasField("width") and message.HasField("height"):
-        options["size"] = (message.width, message.height)
+    """The options that a job's effective settings amount to, the camera as a mapping if it was replaced."""
+    given = {field.name: value for field, value in message.ListFields()}
+    options = RenderOptions(seed=message.seed, variance=message.variance)
+    for name, field in _FIELDS.items():
+        if field in given:
+            options[name] = given[field]  # type: ignore[literal-required]
     for name in _WINDOWS:
-        if message.HasField(name):
-            options[name] = Window.from_message(getattr(message, name))
-    for name, value, choices in (
-        ("tile_order", message.tile_order, _TILE_ORDERS),
-        ("pixel_type", message.pixel_type, _PIXEL_TYPES),
-    ):
-        names = [word for word, number in choices.items() if number == value]
-        if names:
-            options[name] = names[0]
-    if message.HasField("camera"):
-        options["camera"] = _camera_options(message.camera)
-    return RenderOptions(**options)  # type: ignore[typeddict-item]
-
-
-def _camera_options(message: render_pb2.CameraOverride) -> dict[str, Any]:
-    camera: dict[str, Any] = {}
-    if message.to_world:
-        camera["to_world"] = list(message.to_world)
-    for name, field in (
-        ("fov", "fov_degrees"),
-        ("aperture_radius", "aperture_radius"),
-        ("focus_distance", "focus_distance"),
-    ):
-        if message.HasField(field):
-            camera[name] = getattr(message, field)
-    return camera
-
-
-def _has_presence(message: render_pb2.RenderSettings, field: str) -> bool:
-    return bool(message.DESCRIPTOR.fields_by_name[field].has_presence)
+        if name in given:
+            options[name] = Window.from_message(given[name])  # type: ignore[literal-required]
+    for name, choices in (("tile_order", _TILE_ORDERS), ("pixel_type", _PIXEL_TYPES)):
+        for word, number in choices.items():
+            if given.get(name) == number:
+                options[name] = word  # type: ignore[literal-required]
+    if "width" in given and "height" in given:
+        options["size"] = (message.width, message.height)
+    if "camera" in given:
+        options["camera"] = camera_options(message.camera)
+    return options
 
 
 def _choice(name: str, value: object, choices: dict[str, Any]) -> Any:  # noqa: ANN401 - an enum of any kind
     if value not in choices:
-        raise InvalidArgumentError(
-            f"{name}: {value!r} is none of {', '.join(choices)}", metadata={"field": name}
-        )
+        raise InvalidArgumentError(f"{name}: {value!r} is none of {', '.join(choices)}", metadata={"field": name})
     return choices[str(value)]
 
 
@@ -177,9 +154,9 @@ def _window_message(name: str, value: Sequence[int]) -> scene_pb2.Window:
         ) from None
 
 
-def _set_size(message: render_pb2.RenderSettings, size: object) -> None:
+def _set_size(message: render_pb2.RenderSettings, size: Sequence[int | None]) -> None:
     try:
-        width, height = size  # type: ignore[misc]
+        width, height = size
         if width is not None:
             message.width = width
         if height is not None:

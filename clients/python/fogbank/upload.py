@@ -78,9 +78,7 @@ def push(
         for sha256 in response.missing_blobs:
             file = files.by_sha256(sha256)
             if file is None or sent[sha256] >= _MOST_SENDINGS_OF_A_BLOB:
-                raise InternalError(
-                    f"the server asks for the blob {sha256}, which it was not told of or has already"
-                )
+                raise InternalError(f"the server asks for the blob {sha256}, which it was not told of or has already")
             _Upload(connection, files, file, chunk_bytes, on_progress).run()
             sent[sha256] += 1
         # A reference may have several candidates, and a missing file is for CreateScene to report with its line.
@@ -127,9 +125,7 @@ class _Upload:
             if error.reason in ("BLOB_HASH_MISMATCH", "BLOB_SIZE_MISMATCH"):
                 changes += 1
                 if changes >= _MOST_CHANGES_OF_A_FILE:
-                    raise InvalidSceneError(
-                        f"{self._file.path} changes while it is being sent", reason=error.reason
-                    )
+                    raise InvalidSceneError(f"{self._file.path} changes while it is being sent", reason=error.reason)
                 if self._files.hash_again(self._file):
                     # Another blob now: the next PrepareScene asks for it.
                     return
