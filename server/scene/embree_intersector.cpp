@@ -1,0 +1,375 @@
+// Ray queries on Embree 3. The only file that knows its API.
+#include <embree3/rtcore.h>
+#include <immintrin.h>
+#include <tbb/task_arena.h>
+
+#include <atomic>
+#include <bit>
+#include <chrono>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "core/error.h"
+#include "scene/intersector.h"
+#include "scene/round_shape.h"
+#include "scene/scene.h"
+
+namespace fogbank::scene {
+
+namespace {
+
+/// Geometry masks: a shadow ray asks for solid surfaces only, so one accelerator of all surfaces serves both
+/// it and the nearest-hit query.
+constexpr uint32_t solid_mask = 1;
+constexpr uint32_t passing_mask = 2;
+
+struct DeviceRelease {
+  void operator()(RTCDevice device) const { rtcReleaseDevice(device); }
+};
+struct SceneRelease {
+  void operator()(RTCScene scene) const { rtcReleaseScene(scene); }
+};
+struct GeometryRelease {
+  void operator()(RTCGeometry geometry) const { rtcReleaseGeometry(geometry); }
+};
+using DevicePointer = std::unique_ptr<RTCDeviceTy, DeviceRelease>;
+using ScenePointer = std::unique_ptr<RTCSceneTy, SceneRelease>;
+using GeometryPointer = std::unique_ptr<RTCGeometryTy, GeometryRelease>;
+
+/// Sets this thread's MXCSR for its life time and puts the caller's back.
+class FloatModeGuard {
+ public:
+  FloatModeGuard() : before_(_mm_getcsr()) { prepare_render_thread(); }
+  ~FloatModeGuard() { _mm_setcsr(before_); }
+  FloatModeGuard(const FloatModeGuard&) = delete;
+  FloatModeGuard& operator=(const FloatModeGuard&) = delete;
+
+ private:
+  unsigned before_;
+};
+
+void round_shape_bounds(const RTCBoundsFunctionArguments* arguments) {
+  const auto& shape = *static_cast<const RoundShape*>(arguments->geometryUserPtr);
+  Vec3f lower;
+  Vec3f upper;
+  shape.bounds(lower, upper);
+  RTCBounds& bounds = *arguments->bounds_o;
+  bounds.lower_x = lower.x;
+  bounds.lower_y = lower.y;
+  bounds.lower_z = lower.z;
+  bounds.upper_x = upper.x;
+  bounds.upper_y = upper.y;
+  bounds.upper_z = upper.z;
+}
+
+/// Ray `i` of a packet of `n` against a round shape; Embree calls with n = 1 for single rays, and may use
+/// packets inside instances.
+bool intersect_lane(const RoundShape& shape, RTCRayN* rays, unsigned n, unsigned i, float& distance) {
+  const Vec3d origin(RTCRayN_org_x(rays, n, i), RTCRayN_org_y(rays, n, i), RTCRayN_org_z(rays, n, i));
+  const Vec3d direction(RTCRayN_dir_x(rays, n, i), RTCRayN_dir_y(rays, n, i), RTCRayN_dir_z(rays, n, i));
+  return shape.intersect(origin, direction, RTCRayN_tnear(rays, n, i), RTCRayN_tfar(rays, n, i), distance);
+}
+
+void round_shape_intersect(const RTCIntersectFunctionNArguments* arguments) {
+  const auto& shape = *static_cast<const RoundShape*>(arguments->geometryUserPtr);
+  const unsigned n = arguments->N;
+  RTCRayN* rays = RTCRayHitN_RayN(arguments->rayhit, n);
+  RTCHitN* hits = RTCRayHitN_HitN(arguments->rayhit, n);
+  for (unsigned i = 0; i < n; ++i) {
+    if (arguments->valid[i] == 0) continue;
+    float distance = 0;
+    if (!intersect_lane(shape, rays, n, i, distance)) continue;
+    RTCRayN_tfar(rays, n, i) = distance;
+    RTCHitN_u(hits, n, i) = 0;
+    RTCHitN_v(hits, n, i) = 0;
+    RTCHitN_geomID(hits, n, i) = arguments->geomID;
+    RTCHitN_primID(hits, n, i) = arguments->primID;
+    RTCHitN_instID(hits, n, i, 0) = arguments->context->instID[0];
+  }
+}
+
+void round_shape_occluded(const RTCOccludedFunctionNArguments* arguments) {
+  const auto& shape = *static_cast<const RoundShape*>(arguments->geometryUserPtr);
+  for (unsigned i = 0; i < arguments->N; ++i) {
+    float distance = 0;
+    if (arguments->valid[i] != 0 && intersect_lane(shape, arguments->ray, arguments->N, i, distance))
+      RTCRayN_tfar(arguments->ray, arguments->N, i) = -infinity;
+  }
+}
+
+/// Embree's intervals are closed, ours are open. The start is no denormal, and leaves room for a product with
+/// a small triangle's area.
+constexpr float open_start = 0x1p-90f;
+/// Largest float below a positive `distance`.
+float open_end(float distance) { return std::bit_cast<float>(std::bit_cast<uint32_t>(distance) - 1u); }
+
+RTCRay make_ray(const Ray& ray, uint32_t mask) {
+  RTCRay query;
+  query.org_x = ray.origin.x;
+  query.org_y = ray.origin.y;
+  query.org_z = ray.origin.z;
+  query.tnear = open_start;
+  query.dir_x = ray.direction.x;
+  query.dir_y = ray.direction.y;
+  query.dir_z = ray.direction.z;
+  query.time = 0;
+  query.tfar = open_end(ray.max_distance);
+  query.mask = mask;
+  query.id = 0;
+  query.flags = 0;
+  return query;
+}
+
+}  // namespace
+
+struct Intersector::Implementation {
+  const Scene& source;
+  std::mutex error_mutex;
+  std::string error_message;  ///< first message of Embree's since the last check
+  std::atomic<int64_t> bytes{0};
+  std::vector<std::unique_ptr<RoundShape>> round_shapes;
+  std::vector<std::vector<uint32_t>> group_shapes;  ///< group -> geometry id within it -> shape
+  DevicePointer device;
+  std::vector<ScenePointer> group_all;      ///< by group
+  std::vector<ScenePointer> group_passing;  ///< by group; null when nothing in it passes light
+  ScenePointer all;
+  ScenePointer passing;  ///< null when no surface passes light
+  double seconds = 0;
+
+  explicit Implementation(const Scene& scene) : source(scene) {}
+
+  void build();
+  bool query(RTCScene accelerator, const Ray& ray, uint32_t mask, Hit& hit) const;
+
+ private:
+  void check();
+  ScenePointer new_scene();
+  void commit(RTCScene scene);
+  GeometryPointer make_geometry(const Shape& shape);
+  GeometryPointer make_mesh(const Mesh& mesh);
+  GeometryPointer make_instance(const Instance& instance, RTCScene target);
+  void build_groups();
+};
+
+void Intersector::Implementation::check() {
+  const RTCError code = rtcGetDeviceError(device.get());
+  std::string message;
+  {
+    const std::lock_guard lock(error_mutex);
+    message.swap(error_message);
+  }
+  if (code == RTC_ERROR_NONE) return;
+  if (code == RTC_ERROR_OUT_OF_MEMORY)
+    throw Error(ErrorKind::resource_exhausted, "ACCELERATOR_OUT_OF_MEMORY",
+                "no memory for the ray acceleration structure: " + message);
+  throw Error(ErrorKind::internal, "ACCELERATOR_FAILED", "Embree: " + message);
+}
+
+ScenePointer Intersector::Implementation::new_scene() {
+  ScenePointer scene(rtcNewScene(device.get()));
+  check();
+  // Robust: the edge tests of two triangles agree on a shared edge, so that closed meshes are closed for
+  // rays.
+  rtcSetSceneFlags(scene.get(), RTC_SCENE_FLAG_ROBUST);
+  rtcSetSceneBuildQuality(scene.get(), RTC_BUILD_QUALITY_MEDIUM);
+  return scene;
+}
+
+void Intersector::Implementation::commit(RTCScene scene) {
+  rtcCommitScene(scene);
+  check();
+}
+
+GeometryPointer Intersector::Implementation::make_mesh(const Mesh& mesh) {
+  GeometryPointer geometry(rtcNewGeometry(device.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
+  check();
+  // Embree reads whole 16-byte words, so the last position of a shared buffer needs 4 readable bytes behind
+  // it.
+  if (mesh.positions.capacity() > mesh.positions.size()) {
+    rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                               mesh.positions.data(), 0, sizeof(Vec3f), mesh.positions.size());
+  } else {
+    void* copy = rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                                         sizeof(Vec3f), mesh.positions.size());
+    check();
+    std::copy(mesh.positions.begin(), mesh.positions.end(), static_cast<Vec3f*>(copy));
+  }
+  rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                             mesh.triangles.data(), 0, sizeof(Vec3u), mesh.triangles.size());
+  check();
+  return geometry;
+}
+
+GeometryPointer Intersector::Implementation::make_geometry(const Shape& shape) {
+  GeometryPointer geometry;
+  if (shape.kind == ShapeKind::triangle_mesh) {
+    geometry = make_mesh(source.meshes[static_cast<size_t>(shape.mesh)]);
+  } else {
+    round_shapes.push_back(std::make_unique<RoundShape>(shape.kind, shape.to_world));
+    geometry.reset(rtcNewGeometry(device.get(), RTC_GEOMETRY_TYPE_USER));
+    check();
+    rtcSetGeometryUserPrimitiveCount(geometry.get(), 1);
+    rtcSetGeometryUserData(geometry.get(), round_shapes.back().get());
+    rtcSetGeometryBoundsFunction(geometry.get(), round_shape_bounds, nullptr);
+    rtcSetGeometryIntersectFunction(geometry.get(), round_shape_intersect);
+    rtcSetGeometryOccludedFunction(geometry.get(), round_shape_occluded);
+  }
+  rtcSetGeometryMask(geometry.get(), shape.passes_light ? passing_mask : solid_mask);
+  rtcCommitGeometry(geometry.get());
+  check();
+  return geometry;
+}
+
+GeometryPointer Intersector::Implementation::make_instance(const Instance& instance, RTCScene target) {
+  GeometryPointer geometry(rtcNewGeometry(device.get(), RTC_GEOMETRY_TYPE_INSTANCE));
+  check();
+  rtcSetGeometryInstancedScene(geometry.get(), target);
+  const glm::mat4 to_world(instance.to_world);
+  rtcSetGeometryTransform(geometry.get(), 0, RTC_FORMAT_FLOAT4X4_COLUMN_MAJOR, &to_world[0][0]);
+  rtcSetGeometryMask(geometry.get(), solid_mask | passing_mask);
+  rtcCommitGeometry(geometry.get());
+  check();
+  return geometry;
+}
+
+void Intersector::Implementation::build_groups() {
+  const auto count = static_cast<size_t>(source.group_count);
+  group_shapes.resize(count);
+  group_all.resize(count);
+  group_passing.resize(count);
+  for (uint32_t i = 0; i < source.shapes.size(); ++i) {
+    const Shape& shape = source.shapes[i];
+    if (shape.group == none) continue;
+    const auto group = static_cast<size_t>(shape.group);
+    const auto id = static_cast<unsigned>(group_shapes[group].size());
+    group_shapes[group].push_back(i);
+    const GeometryPointer geometry = make_geometry(shape);
+    if (group_all[group] == nullptr) group_all[group] = new_scene();
+    rtcAttachGeometryByID(group_all[group].get(), geometry.get(), id);
+    if (!shape.passes_light) continue;
+    if (group_passing[group] == nullptr) group_passing[group] = new_scene();
+    rtcAttachGeometryByID(group_passing[group].get(), geometry.get(), id);
+  }
+  for (size_t group = 0; group < count; ++group) {
+    if (group_all[group] != nullptr) commit(group_all[group].get());
+    if (group_passing[group] != nullptr) commit(group_passing[group].get());
+  }
+}
+
+void Intersector::Implementation::build() {
+  device.reset(rtcNewDevice(nullptr));
+  if (device == nullptr)
+    throw Error(ErrorKind::internal, "ACCELERATOR_FAILED",
+                "Embree could not start (error " + std::to_string(rtcGetDeviceError(nullptr)) + ")");
+  rtcSetDeviceErrorFunction(
+      device.get(),
+      [](void* self, RTCError, const char* text) {
+        auto& implementation = *static_cast<Implementation*>(self);
+        const std::lock_guard lock(implementation.error_mutex);
+        if (implementation.error_message.empty()) implementation.error_message = text;
+      },
+      this);
+  rtcSetDeviceMemoryMonitorFunction(
+      device.get(),
+      [](void* self, ssize_t change, bool) {
+        static_cast<Implementation*>(self)->bytes += change;
+        return true;
+      },
+      this);
+
+  build_groups();
+  all = new_scene();
+  for (uint32_t i = 0; i < source.shapes.size(); ++i) {
+    const Shape& shape = source.shapes[i];
+    if (shape.group != none) continue;
+    const GeometryPointer geometry = make_geometry(shape);
+    rtcAttachGeometryByID(all.get(), geometry.get(), i);
+    if (!shape.passes_light) continue;
+    if (passing == nullptr) passing = new_scene();
+    rtcAttachGeometryByID(passing.get(), geometry.get(), i);
+  }
+  const auto first_instance = static_cast<unsigned>(source.shapes.size());
+  for (unsigned i = 0; i < source.instances.size(); ++i) {
+    const Instance& instance = source.instances[i];
+    const auto group = static_cast<size_t>(instance.group);
+    if (group_all[group] == nullptr) continue;
+    rtcAttachGeometryByID(all.get(), make_instance(instance, group_all[group].get()).get(),
+                          first_instance + i);
+    if (group_passing[group] == nullptr) continue;
+    if (passing == nullptr) passing = new_scene();
+    rtcAttachGeometryByID(passing.get(), make_instance(instance, group_passing[group].get()).get(),
+                          first_instance + i);
+  }
+  commit(all.get());
+  if (passing != nullptr) commit(passing.get());
+}
+
+bool Intersector::Implementation::query(RTCScene accelerator, const Ray& ray, uint32_t mask, Hit& hit) const {
+  if (!(ray.max_distance > 0)) return false;
+  RTCRayHit query;
+  query.ray = make_ray(ray, mask);
+  query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+  query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  rtcIntersect1(accelerator, &context, &query);
+  if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return false;
+  hit.distance = query.ray.tfar;
+  hit.parameters = {query.hit.u, query.hit.v};
+  hit.primitive = query.hit.primID;
+  if (query.hit.instID[0] == RTC_INVALID_GEOMETRY_ID) {
+    hit.shape = query.hit.geomID;
+    hit.instance = none;
+  } else {
+    const size_t instance = query.hit.instID[0] - source.shapes.size();
+    hit.shape = group_shapes[static_cast<size_t>(source.instances[instance].group)][query.hit.geomID];
+    hit.instance = static_cast<int32_t>(instance);
+  }
+  return true;
+}
+
+Intersector::Intersector(const Scene& scene) : implementation_(std::make_unique<Implementation>(scene)) {
+  const auto start = std::chrono::steady_clock::now();
+  // An arena of its own keeps the build's tasks apart from whatever the calling thread is in the middle of.
+  // Its width follows the process's limit on threads; Embree's hierarchy does not depend on it (tested), and
+  // with the hierarchy the choice among surfaces at exactly the same distance.
+  tbb::task_arena arena;
+  arena.execute([this] {
+    const FloatModeGuard float_mode;
+    implementation_->build();
+  });
+  implementation_->seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+Intersector::~Intersector() = default;
+
+bool Intersector::intersect(const Ray& ray, Hit& hit) const {
+  return implementation_->query(implementation_->all.get(), ray, solid_mask | passing_mask, hit);
+}
+
+bool Intersector::intersect_passing(const Ray& ray, Hit& hit) const {
+  return implementation_->passing != nullptr &&
+         implementation_->query(implementation_->passing.get(), ray, passing_mask, hit);
+}
+
+bool Intersector::occluded(const Ray& ray) const {
+  if (!(ray.max_distance > 0)) return false;
+  RTCRay query = make_ray(ray, solid_mask);
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  rtcOccluded1(implementation_->all.get(), &context, &query);
+  return query.tfar < 0;
+}
+
+bool Intersector::has_passing_surfaces() const { return implementation_->passing != nullptr; }
+double Intersector::build_seconds() const { return implementation_->seconds; }
+size_t Intersector::memory_bytes() const { return static_cast<size_t>(implementation_->bytes.load()); }
+
+void prepare_render_thread() {
+  _MM_SET_FLUSH_ZERO_MODE(_MM_FLUSH_ZERO_ON);
+  _MM_SET_DENORMALS_ZERO_MODE(_MM_DENORMALS_ZERO_ON);
+}
+
+}  // namespace fogbank::scene
