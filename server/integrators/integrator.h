@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/random.h"
+#include "core/ray_counters.h"
 #include "core/vector.h"
 
 namespace fogbank::transport {
@@ -21,13 +22,6 @@ struct IntegratorSettings {
       -1;  ///< path length in edges, as Mitsuba's: 1 = emitted light only, 2 = one bounce; -1 = unbounded
   int32_t rr_depth = 5;  ///< Russian roulette from this depth on
   bool hide_emitters = false;
-};
-
-/// Counters of one thread; added up when a tile is done.
-struct RayCounters {
-  uint64_t closest_hit = 0;
-  uint64_t any_hit = 0;
-  uint64_t total() const { return closest_hit + any_hit; }
 };
 
 /// Immutable; one instance serves all threads.

@@ -3,6 +3,7 @@
 
 #include "core/error.h"
 #include "integrators/integrator.h"
+#include "integrators/volpath.h"
 
 namespace fogbank::integrators {
 
@@ -15,7 +16,13 @@ struct Entry {
 };
 
 const std::vector<Entry>& entries() {
-  static const std::vector<Entry> all{};
+  static const std::vector<Entry> all{
+      {{"volpath", "volumetric path tracing: unbiased, the reference"},
+       [](std::shared_ptr<const transport::World> world,
+          const IntegratorSettings& settings) -> std::unique_ptr<Integrator> {
+         return std::make_unique<VolumetricPathTracer>(std::move(world), settings);
+       }},
+  };
   return all;
 }
 

@@ -65,7 +65,7 @@ struct RenderJob::Implementation {
 
   /// What a task did besides pixels.
   struct TaskCounters {
-    integrators::RayCounters rays;
+    RayCounters rays;
     uint64_t invalid_samples = 0;
     double cpu_seconds = 0;
   };

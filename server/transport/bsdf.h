@@ -39,7 +39,7 @@ struct BsdfSample {
 struct BsdfValue {
   Spectrum value{0};  ///< f(wo, wi) |cos theta_i| of all non-delta lobes, 1/sr
   float pdf = 0;      ///< density of `sample` for wi per solid angle, non-delta lobes only (times their
-                  ///< probability of being chosen)
+                      ///< probability of being chosen)
 };
 
 /// Immutable; safe from any thread. Transport mode is radiance: rough and smooth refraction scale by 1 /

@@ -1,30 +1,63 @@
-// A scene made ready for light transport: BSDFs, emitters, phase functions and the light sampler built over
+// A scene made ready for light transport: BSDFs, lights, phase functions and the light sampler built over
 // `scene::Scene`.
 #pragma once
 
 #include <memory>
 #include <vector>
 
+#include "core/ray_counters.h"
 #include "scene/scene.h"
 #include "transport/bsdf.h"
+#include "transport/light_sampler.h"
+#include "transport/lights/light_registry.h"
+#include "transport/medium_segment.h"
 
 namespace fogbank::transport {
 
 class World {
  public:
-  /// Builds everything `scene` describes. Throws SceneError as `BsdfBuilder` and the emitters do; lenient
-  /// scenes get their substitutions' warnings appended to `scene->warnings`.
+  /// Builds everything `scene` describes. Throws SceneError as `BsdfBuilder`, `build_lights` and
+  /// `build_phase_function` do; lenient scenes get their substitutions' warnings appended to
+  /// `scene->warnings`.
   explicit World(std::shared_ptr<scene::Scene> scene);
-  ~World();
-  World(const World&) = delete;
-  World& operator=(const World&) = delete;
 
   const scene::Scene& scene() const { return *scene_; }
   const Bsdf& bsdf(uint32_t shape) const { return *bsdfs_[static_cast<size_t>(scene_->shapes[shape].bsdf)]; }
+  const LightSampler& lights() const { return *light_sampler_; }
+  /// Light of a hit surface; SceneLights::no_light when it doesn't emit.
+  uint32_t light_of_hit(uint32_t shape, uint32_t primitive) const {
+    return lights_of_.of_hit(shape, primitive);
+  }
+  /// The lights at infinity that a ray may meet (not directional ones).
+  const std::vector<uint32_t>& environments() const { return environments_; }
+  const MediumInfo& medium(int32_t index) const { return media_[static_cast<size_t>(index)]; }
+
+  /// Medium on the side of a surface that `direction` leaves to; `current` where the surface bounds none.
+  int32_t medium_beyond(const scene::SurfaceInteraction& surface, const Vec3f& direction,
+                        int32_t current) const {
+    const scene::Shape& shape = scene_->shapes[surface.shape];
+    if (!shape.is_medium_boundary) return current;
+    return glm::dot(direction, surface.geometric_normal) > 0 ? shape.exterior_medium : shape.interior_medium;
+  }
+
+  /// What a BSDF looks at.
+  static ShadingPoint shading_point(const scene::SurfaceInteraction& surface) {
+    return {Frame::from_normal_and_tangent(surface.shading_normal, surface.dp_du), surface.geometric_normal,
+            surface.uv, surface.dp_du, surface.dp_dv};
+  }
+
+  /// Transmittance between `origin` (in `medium`, already off any surface) and the point at `distance` along
+  /// `direction`: 0 behind solid surfaces, through media and surfaces that pass light straight on.
+  Spectrum visibility(const Vec3f& origin, const Vec3f& direction, float distance, int32_t medium,
+                      RayCounters& counters) const;
 
  private:
   std::shared_ptr<scene::Scene> scene_;
   std::vector<BsdfPointer> bsdfs_;
+  SceneLights lights_of_;
+  std::unique_ptr<LightSampler> light_sampler_;
+  std::vector<uint32_t> environments_;
+  std::vector<MediumInfo> media_;
 };
 
 }  // namespace fogbank::transport

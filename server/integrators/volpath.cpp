@@ -1,0 +1,262 @@
+#include "integrators/volpath.h"
+
+#include <algorithm>
+#include <optional>
+
+namespace fogbank::integrators {
+
+using transport::BsdfSample;
+using transport::BsdfValue;
+using transport::DistanceTable;
+using transport::Light;
+using transport::LightChoice;
+using transport::LightReceiver;
+using transport::LightSample;
+using transport::MediumInfo;
+using transport::MediumSegment;
+using transport::ShadingPoint;
+
+namespace {
+
+/// Samples of single scattering along the camera's own segments, where they decide the image's noise; one
+/// each later on.
+constexpr int32_t camera_in_scatter_samples = 2;
+/// Null surfaces passed without a scattering event before a path is given up: a guard against surfaces that
+/// coincide.
+constexpr int32_t most_null_events = 1024;
+
+/// Power heuristic with exponent 2 (Veach 1997, section 9.2.3), safe where a density overflows.
+float power_heuristic(float density, float other) {
+  if (!(density > 0)) return 0;
+  if (!std::isfinite(density)) return 1;
+  const float ratio = other / density;
+  return 1 / (1 + ratio * ratio);
+}
+
+/// Channels weighted by throughput; equal where there is none.
+Vec3f channel_weights(const Spectrum& throughput) {
+  const float sum = throughput.x + throughput.y + throughput.z;
+  return sum > 0 ? throughput / sum : Vec3f(1.0f / 3);
+}
+
+}  // namespace
+
+/// State of one path. `last_*` tell how the current direction was drawn: what MIS needs when it meets a
+/// light.
+struct VolumetricPathTracer::Path {
+  Ray ray;
+  Spectrum throughput{1};
+  int32_t medium = scene::none;
+  int32_t depth = 0;  ///< scattering events so far
+  float eta = 1;      ///< product of relative indices, which radiance scales by and roulette must not see
+
+  enum class Last : uint8_t { specular, surface, medium } last = Last::specular;
+  float last_pdf = 0;  ///< density of the direction (surface), of distance and direction (medium)
+  Vec3f last_position{0};
+  LightReceiver last_receiver;  ///< surface only
+  MediumSegment last_segment;
+  float last_distance = 0;   ///< along last_segment
+  int32_t last_samples = 1;  ///< samples that in-scattering took along last_segment
+};
+
+Spectrum VolumetricPathTracer::in_scattered(const Path& path, const MediumSegment& segment, int32_t samples,
+                                            RandomStream& random, RayCounters& counters) const {
+  const MediumInfo& medium = *segment.medium;
+  Spectrum sum(0);
+  std::optional<DistanceTable> table;
+  uint32_t table_light = 0;
+  for (int32_t i = 0; i < samples; ++i) {
+    // Stratified over the samples of one segment.
+    float u = std::fmin((static_cast<float>(i) + random.next_float()) / static_cast<float>(samples),
+                        one_minus_epsilon);
+    const float u_distance = random.next_float();
+    const Vec2f u_light = random.next_vec2();
+    const std::optional<LightChoice> choice = world_->lights().choose(segment, u);
+    if (!choice) continue;
+    const Light& light = world_->lights().light(choice->light);
+    if (!table || table_light != choice->light) {
+      table.emplace(segment, light);
+      table_light = choice->light;
+    }
+    if (!table->can_contribute()) continue;
+    const float t = table->sample(samples > 1 ? u : u_distance);
+    const Vec3f position = segment.origin + segment.direction * t;
+    const std::optional<LightSample> sample = light.sample(position, u_light);
+    if (!sample || is_black(sample->radiance)) continue;
+    const float phase = medium.phase.evaluate(segment.direction, sample->direction);
+    const float pdf = choice->probability * table->pdf(t) * sample->pdf;
+    const Spectrum scattered =
+        medium.sigma_s * transport::transmittance(medium.sigma_t, t) * sample->radiance * (phase / pdf);
+    if (!(pdf > 0) || is_black(scattered)) continue;
+    const Spectrum visible =
+        world_->visibility(position, sample->direction, sample->distance, path.medium, counters);
+    if (is_black(visible)) continue;
+    const float weight =
+        light.is_delta() ? 1.0f
+                         : power_heuristic(pdf * static_cast<float>(samples), segment.scatter_pdf(t) * phase);
+    sum += scattered * visible * weight;
+  }
+  return sum / static_cast<float>(samples);
+}
+
+Spectrum VolumetricPathTracer::direct_light(const LightReceiver& receiver,
+                                            const scene::SurfaceInteraction& surface,
+                                            const ShadingPoint& point, const Vec3f& wo, int32_t medium,
+                                            RandomStream& random, RayCounters& counters) const {
+  const transport::Bsdf& bsdf = world_->bsdf(surface.shape);
+  float u = random.next_float();
+  const Vec2f u_light = random.next_vec2();
+  const std::optional<LightChoice> choice = world_->lights().choose(receiver, u);
+  if (!choice) return Spectrum(0);
+  const Light& light = world_->lights().light(choice->light);
+  const std::optional<LightSample> sample = light.sample(surface.position, u_light);
+  if (!sample || is_black(sample->radiance)) return Spectrum(0);
+  const BsdfValue bsdf_value = bsdf.evaluate_with_pdf(point, wo, point.frame.to_local(sample->direction));
+  if (is_black(bsdf_value.value)) return Spectrum(0);
+  const Vec3f origin = surface.spawn_origin(sample->direction);
+  const int32_t medium_towards = world_->medium_beyond(surface, sample->direction, medium);
+  const Spectrum visible =
+      world_->visibility(origin, sample->direction, sample->distance, medium_towards, counters);
+  if (is_black(visible)) return Spectrum(0);
+  const float pdf = choice->probability * sample->pdf;
+  const float weight = light.is_delta() ? 1.0f : power_heuristic(pdf, bsdf_value.pdf);
+  return bsdf_value.value * sample->radiance * visible * (weight / pdf);
+}
+
+float VolumetricPathTracer::emitter_weight(const Path& path, uint32_t light_index, const Vec3f& direction,
+                                           const scene::SurfaceInteraction* hit) const {
+  if (path.last == Path::Last::specular) return 1;
+  const Light& light = world_->lights().light(light_index);
+  // The hit's distance counts from the last scattering event, null surfaces in between notwithstanding.
+  std::optional<scene::SurfaceInteraction> seen;
+  if (hit != nullptr) {
+    seen = *hit;
+    seen->distance = glm::length(hit->position - path.last_position);
+  }
+  const float direction_pdf = light.pdf(path.last_position, direction, hit != nullptr ? &*seen : nullptr);
+  if (path.last == Path::Last::surface) {
+    return power_heuristic(path.last_pdf,
+                           world_->lights().probability(path.last_receiver, light_index) * direction_pdf);
+  }
+  const DistanceTable table(path.last_segment, light);
+  if (!table.can_contribute()) return 1;
+  const float pdf = world_->lights().probability(path.last_segment, light_index) *
+                    table.pdf(path.last_distance) * direction_pdf;
+  return power_heuristic(path.last_pdf, pdf * static_cast<float>(path.last_samples));
+}
+
+bool VolumetricPathTracer::survives_roulette(Path& path, RandomStream& random) const {
+  if (path.depth < settings_.rr_depth) return true;
+  const float survival = std::fmin(max_component(path.throughput) * sqr(path.eta), 0.95f);
+  if (!(random.next_float() < survival)) return false;
+  path.throughput /= survival;
+  return true;
+}
+
+Spectrum VolumetricPathTracer::radiance(const Ray& camera_ray, RandomStream& random,
+                                        RayCounters& counters) const {
+  const scene::Scene& scene = world_->scene();
+  Spectrum radiance(0);
+  Path path;
+  path.ray = camera_ray;
+  path.medium = scene.sensor.medium;
+  int32_t null_events = 0;
+  const auto may_scatter = [&] { return settings_.max_depth < 0 || path.depth + 1 < settings_.max_depth; };
+  if (settings_.max_depth == 0) return radiance;
+
+  while (true) {
+    scene::Hit hit;
+    ++counters.closest_hit;
+    const bool found = scene.intersector->intersect(path.ray, hit);
+
+    if (path.medium != scene::none) {
+      const MediumInfo& medium = world_->medium(path.medium);
+      if (medium.mean_sigma_t > 0) {
+        const MediumSegment segment{path.ray.origin, path.ray.direction, found ? hit.distance : infinity,
+                                    &medium, channel_weights(path.throughput)};
+        const bool scatters = !is_black(medium.sigma_s * path.throughput) && may_scatter();
+        const int32_t samples = path.depth == 0 ? camera_in_scatter_samples : 1;
+        if (!scatters) {
+          // Nothing is scattered here, or nothing more may be: only what gets through counts, and that needs
+          // no sampling.
+          path.throughput *= transport::transmittance(medium.sigma_t, segment.length);
+        } else {
+          if (world_->lights().size() > 0)
+            radiance += path.throughput * in_scattered(path, segment, samples, random, counters);
+          const float u_channel = random.next_float();
+          const float t = segment.sample_distance(u_channel, random.next_float());
+          if (t < segment.length) {
+            const float distance_pdf = segment.scatter_pdf(t);
+            path.throughput *= medium.sigma_s * transport::transmittance(medium.sigma_t, t) / distance_pdf;
+            ++path.depth;
+            if (!survives_roulette(path, random)) break;
+            const transport::PhaseSample phase = medium.phase.sample(path.ray.direction, random.next_vec2());
+            path.last = Path::Last::medium;
+            path.last_pdf = distance_pdf * phase.pdf;
+            path.last_segment = segment;
+            path.last_distance = t;
+            path.last_samples = samples;
+            path.last_position = path.ray.at(t);
+            path.ray = {path.last_position, phase.direction, infinity};
+            continue;
+          }
+          const float pass = segment.pass_probability();
+          if (!(pass > 0)) break;
+          path.throughput *= transport::transmittance(medium.sigma_t, segment.length) / pass;
+        }
+        if (is_black(path.throughput)) break;
+      }
+    }
+
+    const bool seen_by_camera = path.depth == 0;
+    if (!found) {
+      if (seen_by_camera && settings_.hide_emitters) break;
+      for (const uint32_t light : world_->environments())
+        radiance += path.throughput * world_->lights().light(light).emitted(path.ray.direction, nullptr) *
+                    emitter_weight(path, light, path.ray.direction, nullptr);
+      break;
+    }
+
+    const scene::SurfaceInteraction surface = scene.interaction(path.ray, hit);
+    const uint32_t light = world_->light_of_hit(surface.shape, surface.primitive);
+    if (light != transport::SceneLights::no_light && !(seen_by_camera && settings_.hide_emitters)) {
+      const Spectrum emitted = world_->lights().light(light).emitted(path.ray.direction, &surface);
+      if (!is_black(emitted))
+        radiance += path.throughput * emitted * emitter_weight(path, light, path.ray.direction, &surface);
+    }
+
+    const transport::Bsdf& bsdf = world_->bsdf(surface.shape);
+    const ShadingPoint point = transport::World::shading_point(surface);
+    const Vec3f wo = point.frame.to_local(-path.ray.direction);
+    const LightReceiver receiver{
+        surface.position,
+        bsdf.transmits() ? Vec3f(0) : (wo.z > 0 ? surface.shading_normal : -surface.shading_normal),
+        path.medium == scene::none ? 0 : world_->medium(path.medium).mean_sigma_t};
+    if (bsdf.has_smooth_lobes() && may_scatter() && world_->lights().size() > 0)
+      radiance += path.throughput * direct_light(receiver, surface, point, wo, path.medium, random, counters);
+
+    const float u_lobe = random.next_float();
+    const std::optional<BsdfSample> sample = bsdf.sample(point, wo, u_lobe, random.next_vec2());
+    if (!sample || is_black(sample->weight)) break;
+    path.throughput *= sample->weight;
+    if (is_black(path.throughput)) break;
+    const Vec3f direction = sample->null ? path.ray.direction : point.frame.to_world(sample->wi);
+    if (sample->null) {
+      if (++null_events > most_null_events) break;
+    } else {
+      if (!may_scatter()) break;
+      ++path.depth;
+      path.eta *= sample->eta;
+      path.last = sample->delta ? Path::Last::specular : Path::Last::surface;
+      path.last_pdf = sample->pdf;
+      path.last_position = surface.position;
+      path.last_receiver = receiver;
+      if (!survives_roulette(path, random)) break;
+    }
+    path.medium = world_->medium_beyond(surface, direction, path.medium);
+    path.ray = {surface.spawn_origin(direction), glm::normalize(direction), infinity};
+  }
+  return radiance;
+}
+
+}  // namespace fogbank::integrators

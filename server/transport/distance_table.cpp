@@ -1,0 +1,137 @@
+#include "transport/distance_table.h"
+
+#include <algorithm>
+
+namespace fogbank::transport {
+
+namespace {
+
+/// Nodes by angle seen from the light (they crowd where a near light peaks) and by transmittance (they crowd
+/// near the origin in thick media). Ends are shared.
+constexpr int angle_nodes = 6;
+constexpr int transmittance_nodes = 4;
+/// Share of the density spread evenly over the nodes' mean, so that what the table can't see (a lobe between
+/// nodes, the plane of a one-sided light) is still sampled.
+constexpr float even_share = 0.08f;
+/// Beyond this optical distance nothing of a segment is tabulated (exp(-16) = 1e-7, below float's resolution
+/// of the sum).
+constexpr float most_optical_distance = 16.0f;
+
+}  // namespace
+
+float segment_importance(const MediumSegment& segment, const Light& light, float t) {
+  const MediumInfo& medium = *segment.medium;
+  const Vec3f x = segment.origin + segment.direction * t;
+  float value = light.fluence(x);
+  if (value == 0) return 0;
+  const Vec3f to_light = light.direction_from(x);
+  if (!medium.phase.is_isotropic() && to_light != Vec3f(0))
+    value *= 4 * pi * medium.phase.evaluate(segment.direction, -to_light);
+  float light_distance = 0;
+  if (!light.at_infinity()) {
+    light_distance = std::fmax(0.0f, glm::length(light.bounds().center - x) - light.bounds().radius);
+  } else if (to_light != Vec3f(0)) {
+    light_distance = medium.extent.exit_distance(x, to_light);
+  }
+  // The box is larger than the medium and the light's own fog may end sooner: never discount by more than
+  // exp(-4).
+  value *= std::exp(-std::fmin(medium.mean_sigma_t * light_distance, 4.0f));
+  return value * glm::dot(segment.channel_weights, medium.sigma_s * transmittance(medium.sigma_t, t));
+}
+
+DistanceTable::DistanceTable(const MediumSegment& segment, const Light& light) {
+  const MediumInfo& medium = *segment.medium;
+  float least_sigma = medium.mean_sigma_t;
+  for (int channel = 0; channel < 3; ++channel) {
+    if (medium.sigma_s[channel] > 0) least_sigma = std::fmin(least_sigma, medium.sigma_t[channel]);
+  }
+  const float end = std::fmin(
+      segment.length, most_optical_distance / std::fmax(least_sigma, std::numeric_limits<float>::min()));
+  if (!(end > 0) || !std::isfinite(end)) return;
+
+  std::array<float, most_nodes> by_angle{};
+  int angle_count = 0;
+  if (!light.at_infinity()) {
+    const LightBounds& bounds = light.bounds();
+    const Vec3f to_center = bounds.center - segment.origin;
+    const float nearest = glm::dot(to_center, segment.direction);
+    const Vec3f offset = to_center - segment.direction * nearest;
+    const float height = std::fmax(std::fmax(glm::length(offset), 0.5f * bounds.radius), 1e-4f * end);
+    const float first = std::atan2(-nearest, height);
+    const float last = std::atan2(end - nearest, height);
+    for (int i = 1; i < angle_nodes; ++i) {
+      const float angle = first + (last - first) * (static_cast<float>(i) / angle_nodes);
+      by_angle[static_cast<size_t>(angle_count++)] = nearest + height * std::tan(angle);
+    }
+  }
+  std::array<float, most_nodes> by_transmittance{};
+  const int steps = light.at_infinity() ? angle_nodes + transmittance_nodes : transmittance_nodes;
+  const float sigma = medium.mean_sigma_t;
+  const float opacity = -std::expm1(-sigma * end);
+  for (int i = 1; i < steps; ++i) {
+    const float share = static_cast<float>(i) / static_cast<float>(steps);
+    by_transmittance[static_cast<size_t>(i - 1)] =
+        opacity > 1e-3f ? -std::log1p(-opacity * share) / sigma : end * share;
+  }
+  std::array<float, most_nodes> merged{};
+  std::merge(by_angle.begin(), by_angle.begin() + angle_count, by_transmittance.begin(),
+             by_transmittance.begin() + steps - 1, merged.begin());
+  const int inner = angle_count + steps - 1;
+  position_[0] = 0;
+  count_ = 1;
+  for (int i = 0; i < inner; ++i) {
+    const float t = merged[static_cast<size_t>(i)];
+    if (t > position_[static_cast<size_t>(count_ - 1)] && t < end)
+      position_[static_cast<size_t>(count_++)] = t;
+  }
+  position_[static_cast<size_t>(count_++)] = end;
+
+  bool any = false;
+  float area = 0;
+  for (int i = 0; i < count_; ++i) {
+    const auto k = static_cast<size_t>(i);
+    value_[k] = segment_importance(segment, light, position_[k]);
+    any = any || value_[k] > 0;
+    if (i > 0) area += 0.5f * (value_[k - 1] + value_[k]) * (position_[k] - position_[k - 1]);
+  }
+  // One-sided lights reach a half space: light arrives somewhere between the nodes only if it does at one of
+  // the ends.
+  if (!any) return;
+  if (!std::isfinite(area)) return;
+  total_ = area;
+  const float floor = even_share * std::fmax(area, std::numeric_limits<float>::min()) / end;
+  cumulative_[0] = 0;
+  for (int i = 0; i < count_; ++i) {
+    const auto k = static_cast<size_t>(i);
+    value_[k] += floor;
+    if (i > 0)
+      cumulative_[k] =
+          cumulative_[k - 1] + 0.5f * (value_[k - 1] + value_[k]) * (position_[k] - position_[k - 1]);
+  }
+  if (!(total_ > 0)) total_ = std::numeric_limits<float>::min();
+}
+
+float DistanceTable::sample(float u) const {
+  const auto last = static_cast<size_t>(count_ - 1);
+  const float target = u * cumulative_[last];
+  size_t k = 1;
+  while (k < last && target >= cumulative_[k]) ++k;
+  const float a = value_[k - 1];
+  const float b = value_[k];
+  const float width = position_[k] - position_[k - 1];
+  // Invert a s + (b - a) s^2 / 2 = area / width on [0, 1], in the form without cancellation.
+  const float share = (target - cumulative_[k - 1]) / width;
+  const float s = 2 * share / (a + std::sqrt(std::fmax(a * a + 2 * (b - a) * share, 0.0f)));
+  return position_[k - 1] + width * std::clamp(s, 0.0f, one_minus_epsilon);
+}
+
+float DistanceTable::pdf(float t) const {
+  const auto last = static_cast<size_t>(count_ - 1);
+  if (count_ == 0 || !(t >= 0) || t > position_[last]) return 0;
+  size_t k = 1;
+  while (k < last && t >= position_[k]) ++k;
+  const float s = (t - position_[k - 1]) / (position_[k] - position_[k - 1]);
+  return (value_[k - 1] + s * (value_[k] - value_[k - 1])) / cumulative_[last];
+}
+
+}  // namespace fogbank::transport

@@ -1,0 +1,105 @@
+#include "transport/world.h"
+
+#include <utility>
+
+namespace fogbank::transport {
+
+namespace {
+
+/// Shadow rays stop short of the light by this share of their length, so that they don't meet the light
+/// itself: rounding of a light's point moves it by some 1e-6 of the distances involved, more at grazing
+/// angles.
+constexpr float shadow_share = 1.0f - 1e-4f;
+/// More surfaces than this along one shadow ray count as opaque: a guard against surfaces that coincide.
+constexpr int most_passed_surfaces = 256;
+
+Extent extent_of_medium(const scene::Scene& scene, int32_t medium) {
+  Extent extent{Vec3f(infinity), Vec3f(-infinity)};
+  const auto add = [&extent](const Vec3f& point) {
+    extent.lower = glm::min(extent.lower, point);
+    extent.upper = glm::max(extent.upper, point);
+  };
+  for (const scene::Shape& shape : scene.shapes) {
+    if (!shape.is_medium_boundary) continue;
+    // Outside a shape there is no end to see from here.
+    if (shape.exterior_medium == medium) return Extent{};
+    if (shape.interior_medium != medium) continue;
+    if (shape.group != scene::none) return Extent{};
+    if (shape.kind == scene::ShapeKind::triangle_mesh) {
+      for (const Vec3f& position : scene.meshes[static_cast<size_t>(shape.mesh)].positions) add(position);
+    } else {
+      for (int corner = 0; corner < 8; ++corner) {
+        const glm::dvec4 local((corner & 1) != 0 ? 1 : -1, (corner & 2) != 0 ? 1 : -1,
+                               (corner & 4) != 0 ? 1 : -1, 1);
+        add(Vec3f(Vec3d(shape.to_world * local)));
+      }
+    }
+  }
+  return extent.lower.x <= extent.upper.x ? extent : Extent{};
+}
+
+}  // namespace
+
+World::World(std::shared_ptr<scene::Scene> scene) : scene_(std::move(scene)) {
+  BsdfBuilder builder(*scene_->textures, scene_->lenient, scene_->warnings);
+  bsdfs_.reserve(scene_->bsdfs.size());
+  for (const scene::ObjectPointer& description : scene_->bsdfs) bsdfs_.push_back(builder.build(description));
+  lights_of_ = build_lights(*scene_);
+  light_sampler_ = std::make_unique<LightSampler>(std::move(lights_of_.lights));
+  for (const uint32_t index : light_sampler_->infinite_lights()) {
+    if (!light_sampler_->light(index).is_delta()) environments_.push_back(index);
+  }
+  for (int32_t i = 0; i < static_cast<int32_t>(scene_->media.size()); ++i) {
+    const scene::Medium& medium = scene_->media[static_cast<size_t>(i)];
+    MediumInfo info;
+    info.sigma_t = medium.sigma_t;
+    info.sigma_s = medium.sigma_s();
+    info.albedo = medium.albedo;
+    info.mean_sigma_t = mean(medium.sigma_t);
+    info.grey = medium.sigma_t.x == medium.sigma_t.y && medium.sigma_t.y == medium.sigma_t.z;
+    info.phase = build_phase_function(medium.phase, scene_->lenient ? &scene_->warnings : nullptr);
+    info.extent = extent_of_medium(*scene_, i);
+    media_.push_back(info);
+  }
+}
+
+Spectrum World::visibility(const Vec3f& origin, const Vec3f& direction, float distance, int32_t medium,
+                           RayCounters& counters) const {
+  const scene::Intersector& intersector = *scene_->intersector;
+  Ray ray{origin, direction, std::isfinite(distance) ? distance * shadow_share : infinity};
+  if (!intersector.has_passing_surfaces()) {
+    const Spectrum through = medium == scene::none
+                                 ? Spectrum(1)
+                                 : transmittance(media_[static_cast<size_t>(medium)].sigma_t, distance);
+    if (is_black(through)) return through;
+    ++counters.any_hit;
+    return intersector.occluded(ray) ? Spectrum(0) : through;
+  }
+  // The few passing surfaces first: they may already leave nothing to ask the many solid ones for.
+  Spectrum through(1);
+  Ray rest = ray;
+  int passed = 0;
+  while (true) {
+    scene::Hit hit;
+    ++counters.closest_hit;
+    const bool found = intersector.intersect_passing(rest, hit);
+    // The last piece runs to the light itself, not to where the shadow ray stops short of it.
+    const float piece =
+        found ? hit.distance : (std::isfinite(distance) ? rest.max_distance / shadow_share : infinity);
+    if (medium != scene::none) through *= transmittance(media_[static_cast<size_t>(medium)].sigma_t, piece);
+    if (is_black(through)) return Spectrum(0);
+    if (!found) break;
+    const scene::SurfaceInteraction surface = scene_->interaction(rest, hit);
+    const ShadingPoint point = shading_point(surface);
+    through *= bsdf(surface.shape).null_transmission(point, point.frame.to_local(-direction));
+    if (is_black(through) || ++passed > most_passed_surfaces) return Spectrum(0);
+    medium = medium_beyond(surface, direction, medium);
+    rest.origin = surface.spawn_origin(direction);
+    if (std::isfinite(distance)) rest.max_distance -= hit.distance;
+    if (!(rest.max_distance > 0)) break;
+  }
+  ++counters.any_hit;
+  return intersector.occluded(ray) ? Spectrum(0) : through;
+}
+
+}  // namespace fogbank::transport
