@@ -1,0 +1,63 @@
+"""The command `fogbank`.
+
+Click does the parsing: nested commands compose from separate modules, values have types, options may come from the
+environment, and commands can be called from tests. A new noun or verb is a module and one entry in COMMANDS.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+from fogbank import FogbankError
+
+from fogbank_cli.exit_codes import ExitCode, exit_code, help_table
+from fogbank_cli.job import job
+from fogbank_cli.render import render
+from fogbank_cli.scene import scene
+from fogbank_cli.serve import serve
+from fogbank_cli.server import server
+from fogbank_cli.session import Session
+
+COMMANDS: tuple[click.Command, ...] = (render, serve, scene, job, server)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]}, epilog=help_table())
+@click.option("--server", "address", envvar="FOGBANK_SERVER", help="HOST:PORT or unix:/path of a running server.")
+@click.option(
+    "--data",
+    envvar="FOGBANK_DATA",
+    type=click.Path(path_type=Path),
+    help="Data directory of the embedded server; in the user's cache folder by default.",
+)
+@click.version_option(package_name="fogbank")
+@click.pass_context
+def fogbank(context: click.Context, address: str | None, data: Path | None) -> None:
+    """Render scenes in fog. Without --server a server is started for the command and ends with it."""
+    session = context.ensure_object(Session)
+    session.server = address
+    session.data = data
+
+
+for command in COMMANDS:
+    fogbank.add_command(command)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Runs the command and returns its exit status; errors are printed, never raised."""
+    session = Session()
+    try:
+        fogbank.main(args=list(arguments), prog_name="fogbank", standalone_mode=False, obj=session)
+    except click.exceptions.Exit as leaving:
+        return leaving.exit_code
+    except (click.ClickException, click.Abort, FogbankError, OSError, KeyboardInterrupt) as error:
+        session.output.error(error)
+        return exit_code(error)
+    return ExitCode.OK
+
+
+def main() -> None:
+    """Entry point of the command."""
+    sys.exit(run(sys.argv[1:]))

@@ -1,0 +1,93 @@
+"""Types of command-line values."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from fogbank import Window
+from fogbank.image import check_image_path
+
+
+class SizeType(click.ParamType[tuple[int | None, int | None]]):
+    """WxH in pixels; one of them may be left out to follow the scene's aspect ratio."""
+
+    name = "WxH"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int | None, int | None]:
+        """Width and height."""
+        width, cross, height = str(value).lower().partition("x")
+        try:
+            size = (int(width) if width else None, int(height) if height else None)
+        except ValueError:
+            size = (None, None)
+        if not cross or size == (None, None) or any(side is not None and side < 1 for side in size):
+            self.fail(f"'{value}' is not a size in pixels; write 1280x720, or 1280x or x720", param, ctx)
+        return size
+
+
+class WindowType(click.ParamType[Window]):
+    """X,Y,W,H in pixels."""
+
+    name = "X,Y,W,H"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Window:
+        """The window."""
+        try:
+            x, y, width, height = (int(part) for part in str(value).split(","))
+        except ValueError:
+            self.fail(f"'{value}' is not a window in pixels; write X,Y,W,H such as 0,0,640,360", param, ctx)
+        return Window(x, y, width, height)
+
+
+class AssignmentType(click.ParamType[tuple[str, str]]):
+    """name=value."""
+
+    name = "NAME=VALUE"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, str]:
+        """Name and value."""
+        if isinstance(value, tuple):
+            return value
+        name, equals, text = str(value).partition("=")
+        if not equals or not name:
+            self.fail(f"'{value}' is not of the form NAME=VALUE", param, ctx)
+        return name.removeprefix("$"), text
+
+
+class HostPortType(click.ParamType[tuple[str, int]]):
+    """host:port; the port may be left out."""
+
+    name = "HOST:PORT"
+
+    def __init__(self, default_port: int) -> None:
+        """`default_port` is taken when the value names none."""
+        self._default_port = default_port
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, int]:
+        """Host and port."""
+        host, colon, port = str(value).rpartition(":")
+        if not colon:
+            host, port = port, str(self._default_port)
+        if not host or not port.isdigit() or not 0 < int(port) < 65536:
+            self.fail(f"'{value}' is not HOST:PORT", param, ctx)
+        return host, int(port)
+
+
+class ImagePathType(click.ParamType[Path]):
+    """A file to write: .exr or .png in a folder that exists; found out before the render, not after."""
+
+    name = "FILE"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        """The path."""
+        path = Path(str(value))
+        try:
+            check_image_path(path)
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+        if not path.parent.is_dir():
+            self.fail(f"{path}: there is no folder {path.parent}", param, ctx)
+        return path

@@ -1,0 +1,88 @@
+"""What all commands share: the global options, and the way to the server."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import ParamSpec, TypeVar
+
+import click
+import fogbank
+
+from fogbank_cli.output import Output
+
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
+Named = TypeVar("Named", fogbank.Scene, fogbank.Job)
+
+# Enough of a fingerprint to be unique in practice; what `ls` prints.
+SHORT_ID_LENGTH = 12
+
+
+@dataclass
+class Session:
+    """One run of the command."""
+
+    server: str | None = None
+    """Address of a running server; None for an embedded one."""
+
+    data: Path | None = None
+    """Data directory of the embedded server, or of `fogbank serve`."""
+
+    output: Output = field(default_factory=Output)
+    """Where results and events go."""
+
+    def connect(self) -> fogbank.Service:
+        """Connects to the server that the global options name, or starts one."""
+        if self.server is not None:
+            return fogbank.connect(self.server)
+        return fogbank.connect(data=self.data)
+
+
+pass_session = click.make_pass_decorator(Session)
+
+
+def json_option(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Adds `--json`. It is handled first, so that errors in the other options are reported as JSON, too."""
+
+    def remember(context: click.Context, _: click.Parameter, value: bool) -> None:
+        if value:
+            context.ensure_object(Session).output.as_json = True
+
+    return click.option(
+        "--json",
+        is_flag=True,
+        is_eager=True,
+        expose_value=False,
+        callback=remember,
+        help="Print one JSON object per event on standard output.",
+    )(command)
+
+
+def short_id(name: str) -> str:
+    """The first digits of a resource's id: "scenes/0123456789abcdef..." -> "0123456789ab"."""
+    return name.partition("/")[2][:SHORT_ID_LENGTH]
+
+
+def find(name: str, collection: str, get: Callable[[str], Named], everything: Iterable[Named]) -> Named:
+    """A scene or job by its name, its id, or an unambiguous beginning of its id.
+
+    Args:
+        name: as the user typed it.
+        collection: "scenes" or "jobs".
+        get: asks the server for an exact name.
+        everything: all of the collection.
+    """
+    identifier = name.removeprefix(f"{collection}/")
+    try:
+        return get(f"{collection}/{identifier}")
+    except (fogbank.NotFoundError, fogbank.InvalidArgumentError) as error:
+        matches = [item for item in everything if identifier and item.name.startswith(f"{collection}/{identifier}")]
+        if len(matches) == 1:
+            return matches[0]
+        if matches:
+            raise click.UsageError(f"{name} is ambiguous: {len(matches)} {collection} begin with it") from None
+        if isinstance(error, fogbank.NotFoundError):
+            raise
+        raise fogbank.NotFoundError(f"there is no {collection}/{identifier}", reason=error.reason) from None
