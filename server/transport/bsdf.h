@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <unordered_map>
 #include <utility>
 #include <vector>
@@ -15,6 +17,9 @@
 #include "scene/texture.h"
 
 namespace fogbank::transport {
+
+class RoughInterface;
+enum class MicrofacetType : uint8_t;
 
 /// What a BSDF may look at. Directions given to a BSDF are unit vectors in the local frame of `frame`.
 struct ShadingPoint {
@@ -84,6 +89,10 @@ class BsdfBuilder {
   /// parameters.
   BsdfPointer build(const scene::ObjectPointer& description);
 
+  /// Tables of a rough coat (see rough_interface.h), computed once for each distribution, roughness and
+  /// index.
+  std::shared_ptr<const RoughInterface> rough_interface(MicrofacetType type, float alpha, float eta);
+
   scene::TextureLibrary& textures() { return textures_; }
   bool lenient() const { return lenient_; }
   std::vector<std::string>& warnings() { return warnings_; }
@@ -94,6 +103,7 @@ class BsdfBuilder {
   std::vector<std::string>& warnings_;
   /// By description; the pointer to it is kept so that its address stays unique.
   std::unordered_map<const scene::ObjectDescription*, std::pair<scene::ObjectPointer, BsdfPointer>> built_;
+  std::map<std::tuple<MicrofacetType, float, float>, std::shared_ptr<const RoughInterface>> rough_interfaces_;
   int32_t depth_ = 0;  ///< of nesting, while building
 };
 

@@ -5,6 +5,7 @@
 #include "scene/text.h"
 #include "transport/bsdf.h"
 #include "transport/bsdf/factories.h"
+#include "transport/rough_interface.h"
 
 namespace fogbank::transport {
 
@@ -18,8 +19,21 @@ struct Entry {
 };
 
 constexpr Entry registry[] = {
-    {"conductor", make_conductor}, {"dielectric", make_dielectric},          {"diffuse", make_diffuse},
-    {"null", make_null},           {"thindielectric", make_thin_dielectric}, {"twosided", make_two_sided},
+    {"blendbsdf", make_blend},
+    {"bumpmap", make_bump_map},
+    {"conductor", make_conductor},
+    {"dielectric", make_dielectric},
+    {"diffuse", make_diffuse},
+    {"mask", make_mask},
+    {"normalmap", make_normal_map},
+    {"null", make_null},
+    {"plastic", make_plastic},
+    {"principled", make_principled},
+    {"roughconductor", make_rough_conductor},
+    {"roughdielectric", make_rough_dielectric},
+    {"roughplastic", make_rough_plastic},
+    {"thindielectric", make_thin_dielectric},
+    {"twosided", make_two_sided},
 };
 
 /// A BSDF deeper than this is a mistake or an attack: evaluation doubles with each level of `blendbsdf`.
@@ -71,6 +85,13 @@ BsdfPointer BsdfBuilder::build(const scene::ObjectPointer& description) {
   }
   built_.emplace(description.get(), std::pair(description, bsdf));
   return bsdf;
+}
+
+std::shared_ptr<const RoughInterface> BsdfBuilder::rough_interface(MicrofacetType type, float alpha,
+                                                                   float eta) {
+  std::shared_ptr<const RoughInterface>& found = rough_interfaces_[{type, alpha, eta}];
+  if (found == nullptr) found = std::make_shared<RoughInterface>(type, alpha, eta);
+  return found;
 }
 
 std::vector<std::string> supported_bsdfs() {

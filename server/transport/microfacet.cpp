@@ -8,8 +8,10 @@ namespace {
 
 constexpr float inv_sqrt_pi = 0.56418958354775628695f;
 
-/// Inverse of the error function to float precision (Giles 2012, "Approximating the erfinv function",
-/// single-precision table). `x` in (-1, 1).
+bool same_side(const Vec3f& v, const Vec3f& m) { return glm::dot(v, m) * v.z > 0.0f; }
+
+}  // namespace
+
 float inverse_erf(float x) {
   float w = -std::log((1.0f - x) * (1.0f + x));
   float p = 0;
@@ -28,10 +30,6 @@ float inverse_erf(float x) {
   }
   return p * x;
 }
-
-bool same_side(const Vec3f& v, const Vec3f& m) { return glm::dot(v, m) * v.z > 0.0f; }
-
-}  // namespace
 
 float MicrofacetDistribution::density(const Vec3f& m) const {
   if (!(m.z > 0.0f)) return 0.0f;

@@ -5,6 +5,10 @@
 
 namespace fogbank::transport {
 
+/// Inverse of the error function to float precision (Giles 2012, "Approximating the erfinv function",
+/// single-precision table). `x` in (-1, 1).
+float inverse_erf(float x);
+
 enum class MicrofacetType : uint8_t { beckmann, ggx };
 
 /// Distribution of the normals of a rough surface (Walter et al. 2007, "Microfacet Models for Refraction

@@ -11,7 +11,6 @@ namespace {
 
 constexpr double least_index = 0.1;
 constexpr double largest_index = 100;
-constexpr float largest_alpha = 10;
 
 float read_index(scene::PropertyReader& reader, std::string_view name, std::string_view fallback) {
   const scene::PropertyValue* value = reader.raw(name);

@@ -11,6 +11,9 @@
 
 namespace fogbank::transport {
 
+/// Largest roughness accepted: far beyond what looks like anything, but below where floats give out.
+inline constexpr float largest_alpha = 10;
+
 /// Reflectance-like colour called `name`, each channel in [0, 1].
 ColorParameter read_reflectance(scene::PropertyReader& reader, BsdfBuilder& builder, std::string_view name,
                                 float fallback);
