@@ -20,6 +20,7 @@ struct LoadOptions {
 struct LoadLimits {
   static constexpr int depth = 64;  ///< nested elements, includes counted in
   static constexpr int elements = 1'000'000;
+  static constexpr int attributes = 4'000'000;
   static constexpr int includes = 64;
   static constexpr size_t xml_bytes = 64u << 20;
   static constexpr size_t attribute_bytes = 1u << 20;
