@@ -1,0 +1,87 @@
+#include "scene/loader.h"
+
+#include <chrono>
+
+#include "scene/bounds.h"
+#include "scene/content_hashes.h"
+#include "scene/fingerprint.h"
+#include "scene/scene_builder.h"
+#include "scene/sensor_reader.h"
+#include "scene/xml/parser.h"
+
+namespace fogbank::scene {
+namespace {
+
+class Stopwatch {
+ public:
+  double seconds() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+/// Of several objects of a kind that a scene needs once the first counts.
+void note_extra(const ObjectPointer& object, Scene& scene) {
+  scene.warnings.push_back(object->where.to_string() + ": passed over: the scene has a <" + object->tag +
+                           "> already");
+}
+
+/// Shapes first: they decide which emitters stand for themselves.
+void build(const std::vector<ObjectPointer>& objects, SceneBuilder& builder) {
+  Scene& scene = builder.scene();
+  for (const ObjectPointer& object : objects)
+    if (object->tag == "shape") builder.add_shape(object);
+  bool has_sensor = false;
+  bool has_integrator = false;
+  for (const ObjectPointer& object : objects) {
+    if (object->tag == "emitter") {
+      builder.add_emitter(object);
+    } else if (object->tag == "medium") {
+      builder.medium(object);
+    } else if (object->tag == "sensor") {
+      if (has_sensor)
+        note_extra(object, scene);
+      else
+        read_sensor(*object, builder);
+      has_sensor = true;
+    } else if (object->tag == "integrator") {
+      if (has_integrator)
+        note_extra(object, scene);
+      else
+        read_integrator(*object, scene.defaults, scene.warnings);
+      has_integrator = true;
+    }
+  }
+  if (!has_sensor)
+    scene.warnings.push_back("the scene has no <sensor>; a perspective camera at the origin is used");
+}
+
+}  // namespace
+
+std::shared_ptr<Scene> load_scene(const std::string& main_path, std::shared_ptr<FileSource> files,
+                                  const LoadOptions& options) {
+  auto scene = std::make_shared<Scene>();
+  scene->lenient = options.lenient;
+  const Stopwatch parse_watch;
+  ParsedScene parsed = parse_scene(main_path, *files, options);
+  scene->warnings = std::move(parsed.warnings);
+  scene->load_times.parse = parse_watch.seconds();
+
+  const Stopwatch mesh_watch;
+  ContentHashes hashes(*files);
+  SceneBuilder builder(*scene, *files, hashes);
+  build(parsed.objects, builder);
+  scene->bounds = surface_bounds(*scene);
+  scene->fingerprint = radiance_fingerprint(parsed.objects, hashes);
+  scene->load_times.meshes = mesh_watch.seconds();
+
+  scene->textures = std::make_unique<TextureLibrary>(files);
+  const Stopwatch acceleration_watch;
+  scene->intersector = std::make_unique<Intersector>(*scene);
+  scene->load_times.acceleration = acceleration_watch.seconds();
+  return scene;
+}
+
+}  // namespace fogbank::scene

@@ -1,0 +1,47 @@
+#include "scene/scene_builder.h"
+
+#include "scene/medium_reader.h"
+
+namespace fogbank::scene {
+
+int32_t SceneBuilder::bsdf(const ObjectPointer& description) {
+  const auto [entry, is_new] = bsdfs_.emplace(description, static_cast<int32_t>(scene_.bsdfs.size()));
+  if (is_new) scene_.bsdfs.push_back(description);
+  return entry->second;
+}
+
+int32_t SceneBuilder::default_bsdf() {
+  if (default_bsdf_ == none) {
+    auto diffuse = std::make_shared<ObjectDescription>();
+    diffuse->tag = "bsdf";
+    diffuse->type = "diffuse";
+    diffuse->where.element = "<bsdf type=\"diffuse\"> (default)";
+    default_bsdf_ = bsdf(diffuse);
+  }
+  return default_bsdf_;
+}
+
+bool SceneBuilder::passes_light(const ObjectPointer& bsdf) {
+  if (const auto known = passes_light_.find(bsdf); known != passes_light_.end()) return known->second;
+  bool passes = bsdf->type == "null" || bsdf->type == "mask" || bsdf->type == "thindielectric";
+  for (const Property& property : bsdf->properties)
+    if (const auto* nested = std::get_if<ObjectPointer>(&property.value); nested && (*nested)->tag == "bsdf")
+      passes = passes_light(*nested) || passes;
+  passes_light_[bsdf] = passes;
+  return passes;
+}
+
+int32_t SceneBuilder::medium(const ObjectPointer& description) {
+  if (const auto known = media_.find(description); known != media_.end()) return known->second;
+  Medium medium = read_medium(*description, lenient_warnings());
+  const auto index = static_cast<int32_t>(scene_.media.size());
+  scene_.media.push_back(std::move(medium));
+  media_[description] = index;
+  return index;
+}
+
+void SceneBuilder::add_emitter(const ObjectPointer& description) {
+  if (shape_emitters_.count(description) == 0) scene_.emitters.push_back(description);
+}
+
+}  // namespace fogbank::scene
