@@ -57,7 +57,7 @@ def decode(data: bytes) -> DecodedExr:
     """Reads a one-part EXR file with channels R, G, B; DataLossError when it is damaged or has no such channels."""
     try:
         with OpenEXR.File(io.BytesIO(data)) as file:
-            header = file.header()
+            header = dict(file.header())
             channels = {name: channel.pixels for name, channel in file.channels().items()}
     except (RuntimeError, ValueError) as error:
         raise DataLossError(f"damaged EXR data ({len(data)} bytes): {error}") from None
