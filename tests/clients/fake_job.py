@@ -240,7 +240,7 @@ class FakeJob:
                 self.message.result.CopyFrom(result)
         self._end(render_pb2.JOB_STATE_SUCCEEDED, None)
 
-    def _end(self, state: render_pb2.JobState, error: status_pb2.Status | None) -> None:
+    def _end(self, state: render_pb2.JobState.ValueType, error: status_pb2.Status | None) -> None:
         with self._changed:
             if self.ended:
                 return

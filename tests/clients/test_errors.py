@@ -25,7 +25,7 @@ class Failing(grpc.GenericRpcHandler):
     code = grpc.StatusCode.UNKNOWN
     with_details = True
 
-    def service(self, details: grpc.HandlerCallDetails) -> grpc.RpcMethodHandler:
+    def service(self, details: grpc.HandlerCallDetails) -> grpc.RpcMethodHandler[bytes, bytes]:
         """The same for all methods."""
         return grpc.unary_unary_rpc_method_handler(self._fail)
 

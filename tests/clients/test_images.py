@@ -99,7 +99,7 @@ def test_the_tone_curve_is_srgb() -> None:
     # Values of IEC 61966-2-1: ends, the toe's end, 18 % grey (118), half (188), and clipping.
     linear = np.array([0.0, 0.0031308, 0.18, 0.5, 1.0, 7.0, -1.0], np.float32)
     assert to_srgb(linear).tolist() == [0, 10, 118, 188, 255, 255, 0]
-    assert to_srgb(linear / 4, exposure=2.0).tolist() == to_srgb(linear).tolist()
+    assert to_srgb(linear * np.float32(0.25), exposure=2.0).tolist() == to_srgb(linear).tolist()
 
 
 def test_a_png_holds_the_tone_mapped_pixels(data: bytes, tmp_path: Path) -> None:

@@ -34,7 +34,7 @@ class ExitCode(IntEnum):
 
 DESCRIPTIONS: dict[ExitCode, str] = {
     ExitCode.OK: "done",
-    ExitCode.INTERNAL: "an error of the server or of this program",
+    ExitCode.INTERNAL: "an error of the server or of this program; or nobody reads its output",
     ExitCode.USAGE: "wrong use: an unknown option, or a setting that the server refuses",
     ExitCode.SCENE_INVALID: "the scene cannot be loaded; the message names file, line and element",
     ExitCode.SERVER_UNREACHABLE: "the server cannot be reached, or the embedded one does not come up",

@@ -59,12 +59,12 @@ def follow_and_save(
     """
     tev = None if tev_address is None else _open_tev(job, output, tev_address)
     try:
-        follow(job, output, tev=tev, on_interrupt=on_interrupt)
+        follow(job, output, on_tile=None if tev is None else tev.show, on_interrupt=on_interrupt)
     finally:
         if tev is not None:
-            tev.close()
             if tev.failure is not None:
                 output.note(f"tev is gone: {tev.failure}")
+            tev.close()
     if job.error is not None:
         raise job.error
     if paths:

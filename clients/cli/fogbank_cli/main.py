@@ -6,6 +6,7 @@ environment, and commands can be called from tests. A new noun or verb is a modu
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -47,11 +48,21 @@ for command in COMMANDS:
 
 def run(arguments: Sequence[str]) -> int:
     """Runs the command and returns its exit status; errors are printed, never raised."""
+    try:
+        return _run(arguments)
+    except BrokenPipeError:
+        # Whoever read the output has gone (`| head`). Python must not try to write the rest when it ends.
+        # Status 1 is what click makes of this while a command runs; here an error was to be reported.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return ExitCode.INTERNAL
+
+
+def _run(arguments: Sequence[str]) -> int:
     session = Session()
     try:
         fogbank.main(args=list(arguments), prog_name="fogbank", standalone_mode=False, obj=session)
-    except click.exceptions.Exit as leaving:
-        return leaving.exit_code
+    except BrokenPipeError:
+        raise
     except (click.ClickException, click.Abort, FogbankError, OSError, KeyboardInterrupt) as error:
         session.output.error(error)
         return exit_code(error)

@@ -26,7 +26,7 @@ class Output:
         """Text for people until told otherwise."""
         self.as_json = False
 
-    def event(self, kind: str, **fields: Any) -> None:  # noqa: ANN401 - whatever JSON can hold
+    def event(self, kind: str, /, **fields: Any) -> None:  # noqa: ANN401 - whatever JSON can hold
         """Prints an event if `--json` was given: {"event": kind, ...}."""
         if self.as_json:
             click.echo(json.dumps({"event": kind, **fields}, default=_plain, allow_nan=False))

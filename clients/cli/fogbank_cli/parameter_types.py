@@ -90,4 +90,6 @@ class ImagePathType(click.ParamType[Path]):
             self.fail(str(error), param, ctx)
         if not path.parent.is_dir():
             self.fail(f"{path}: there is no folder {path.parent}", param, ctx)
+        if path.is_dir():
+            self.fail(f"{path} is a folder", param, ctx)
         return path

@@ -5,28 +5,29 @@ from __future__ import annotations
 import queue
 import signal
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from types import FrameType, TracebackType
-from typing import Literal, Self
+from typing import Literal, Self, TypeAlias
 
 import fogbank
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from fogbank_cli.output import Output, duration, quantity
-from fogbank_cli.tev import TevDisplay
 
 # How soon a Ctrl-C is acted on while nothing else happens.
 _POLL_SECONDS = 0.1
 
 
 class Interrupts:
-    """Ctrl-C while a job is followed: the first one is noted, the second one raises KeyboardInterrupt."""
+    """Counts Ctrl-C while a job is followed.
+
+    Nothing is raised from within the handler: it could strike in the middle of an event's line.
+    """
 
     def __init__(self) -> None:
         """None so far."""
-        self.noted = False
+        self.count = 0
 
     def __enter__(self) -> Self:
         """Takes over SIGINT."""
@@ -40,9 +41,7 @@ class Interrupts:
         signal.signal(signal.SIGINT, self._previous)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        if self.noted:
-            raise KeyboardInterrupt
-        self.noted = True
+        self.count += 1
 
 
 class ProgressDisplay:
@@ -74,7 +73,8 @@ class ProgressDisplay:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         """Removes the bar."""
-        self._bar.stop()
+        if self._bar.live.is_started:
+            self._bar.stop()
 
     def state(self, job: fogbank.Job) -> None:
         """The job is in another state."""
@@ -96,76 +96,77 @@ class ProgressDisplay:
 
 
 def follow(
-    job: fogbank.Job, output: Output, *, tev: TevDisplay | None, on_interrupt: Literal["cancel", "leave"]
+    job: fogbank.Job,
+    output: Output,
+    *,
+    on_tile: Callable[[fogbank.Tile], None] | None,
+    on_interrupt: Literal["cancel", "leave"],
 ) -> None:
     """Follows a job to its end, however it ends.
 
     Args:
         job: the job.
         output: where progress goes.
-        tev: shows tiles; without it no pixels are asked for.
+        on_tile: is handed every tile, in another thread; without it no pixels are asked for.
         on_interrupt: whether the first Ctrl-C cancels the job (the second one then stops waiting for its end), or
             leaves it alone.
 
     Raises KeyboardInterrupt when it was told to leave.
     """
-    with Interrupts() as interrupts, ProgressDisplay(output) as display, _events(job, tiles=tev is not None) as events:
-        cancelled = False
-        while True:
-            if interrupts.noted and not cancelled:
-                if on_interrupt == "leave":
-                    raise KeyboardInterrupt
-                cancelled = True
-                output.event("cancelling", job=job.name)
-                output.note(f"cancelling {job.name}; press Ctrl-C again to leave without waiting")
-                job.cancel()
-            try:
-                event = events.get(timeout=_POLL_SECONDS)
-            except queue.Empty:
-                continue
-            if event is None:
-                return
-            if isinstance(event, BaseException):
-                raise event
-            if isinstance(event, fogbank.Tile):
-                if tev is not None:
-                    tev.show(event)
-            elif isinstance(event, fogbank.Progress):
-                display.progress(event)
-            else:
-                display.state(event)
-
-
-@contextmanager
-def _events(job: fogbank.Job, *, tiles: bool) -> Iterator[queue.Queue[fogbank.JobEvent | BaseException | None]]:
-    """The job's events, read by another thread: signal handlers can't run while the main thread is inside gRPC.
-
-    The queue ends with None, or with the exception that ended the stream.
-    """
-    # Bounded: a slow viewer then holds back the stream, and the server sends newer tiles instead.
-    events: queue.Queue[fogbank.JobEvent | BaseException | None] = queue.Queue(maxsize=16)
+    reports: _Reports = queue.Queue()
     left = threading.Event()
-
-    def put(event: fogbank.JobEvent | BaseException | None) -> None:
-        while not left.is_set():
-            try:
-                events.put(event, timeout=_POLL_SECONDS)
-                return
-            except queue.Full:
-                continue
-
-    def read() -> None:
+    _in_background(lambda: _report_events(job, reports, on_tile, left), reports)
+    cancelled = False
+    with Interrupts() as interrupts, ProgressDisplay(output) as display:
         try:
-            for event in job.events(tiles=tiles):
-                put(event)
-                if left.is_set():
+            while True:
+                if interrupts.count > (1 if on_interrupt == "cancel" else 0):
+                    raise KeyboardInterrupt
+                if interrupts.count > 0 and not cancelled:
+                    cancelled = True
+                    output.event("cancelling", job=job.name)
+                    output.note(f"cancelling {job.name}; press Ctrl-C again to leave without waiting")
+                    _in_background(job.cancel, reports)
+                try:
+                    report = reports.get(timeout=_POLL_SECONDS)
+                except queue.Empty:
+                    continue
+                if report is None:
                     return
-            put(None)
-        except BaseException as error:
-            put(error)
+                if isinstance(report, BaseException):
+                    raise report
+                if isinstance(report, fogbank.Progress):
+                    display.progress(report)
+                else:
+                    display.state(report)
+        finally:
+            left.set()
 
-    threading.Thread(target=read, name="fogbank-events", daemon=True).start()
-    try:
-        yield events
-    finally:
-        left.set()
+
+# What the other threads tell the main one; None: the job has ended; an exception: something failed for good.
+_Reports: TypeAlias = "queue.Queue[fogbank.Job | fogbank.Progress | BaseException | None]"
+
+
+def _report_events(
+    job: fogbank.Job, reports: _Reports, on_tile: Callable[[fogbank.Tile], None] | None, left: threading.Event
+) -> None:
+    for event in job.events(tiles=on_tile is not None):
+        if left.is_set():
+            return
+        if not isinstance(event, fogbank.Tile):
+            reports.put(event)
+        elif on_tile is not None:
+            on_tile(event)
+    reports.put(None)
+
+
+def _in_background(task: Callable[[], None], reports: _Reports) -> None:
+    """Runs what may block in another thread, so that the main one always notices a Ctrl-C."""
+
+    def run() -> None:
+        try:
+            task()
+        except Exception as error:
+            reports.put(error)
+
+    threading.Thread(target=run, name="fogbank-follow", daemon=True).start()

@@ -92,15 +92,20 @@ def to_srgb(radiance: npt.NDArray[np.float32], *, exposure: float = 0.0) -> npt.
 
 
 def _write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
-    descriptor, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     try:
-        with os.fdopen(descriptor, "wb") as file:
-            write(file)
-            # mkstemp makes private files; a picture gets the permissions of any other new file.
-            file_mode_mask = os.umask(0)
-            os.umask(file_mode_mask)
-            os.fchmod(file.fileno(), 0o666 & ~file_mode_mask)
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        descriptor, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        try:
+            with os.fdopen(descriptor, "wb") as file:
+                write(file)
+                # mkstemp makes private files; a picture gets the permissions of any other new file.
+                file_mode_mask = os.umask(0)
+                os.umask(file_mode_mask)
+                os.fchmod(file.fileno(), 0o666 & ~file_mode_mask)
+            Path(temporary).replace(path)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        # The user's name for it, not the temporary one.
+        error.filename, error.filename2 = str(path), None
         raise
