@@ -15,11 +15,13 @@ SurfaceInteraction look(const Scene& scene, const Ray& ray) {
 }
 
 void expect_near(const Vec3f& actual, const Vec3f& expected, float tolerance) {
-  for (int axis = 0; axis < 3; ++axis) EXPECT_NEAR(actual[axis], expected[axis], tolerance) << "axis " << axis;
+  for (int axis = 0; axis < 3; ++axis)
+    EXPECT_NEAR(actual[axis], expected[axis], tolerance) << "axis " << axis;
 }
 
-// Expected numbers of the triangles below were computed with Mitsuba 3.9.1 (scalar_rgb, `scene.ray_intersect`) for
-// the same ray and mesh; it works in single precision and prints six digits, hence the tolerance.
+// Expected numbers of the triangles below were computed with Mitsuba 3.9.1 (scalar_rgb,
+// `scene.ray_intersect`) for the same ray and mesh; it works in single precision and prints six digits, hence
+// the tolerance.
 constexpr float printed = 2e-5f;
 const Ray probe{{0.2f, 0.3f, 5.0f}, {0, 0, -1}, infinity};
 
