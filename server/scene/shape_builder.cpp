@@ -5,6 +5,7 @@
 
 #include "core/frame.h"
 #include "scene/loader.h"
+#include "scene/mesh_normals.h"
 #include "scene/mesh_readers.h"
 #include "scene/scene_builder.h"
 #include "scene/tessellation.h"
@@ -170,6 +171,7 @@ int32_t SceneBuilder::add_mesh(PropertyReader& reader, const Mat4d& to_world) {
     throw SceneError(ErrorKind::resource_exhausted, "TOO_MANY_TRIANGLES", reader.object().where,
                      "the scene has more than " + std::to_string(LoadLimits::triangles) + " triangles");
   transform_mesh(mesh, to_world);
+  complete_vertex_normals(mesh);
   for (const Vec3f& position : mesh.positions)
     if (!is_finite(position))
       reader.fail("INVALID_TRANSFORM", "'to_world' moves vertices beyond the largest float");
@@ -182,6 +184,7 @@ Mesh SceneBuilder::read_mesh_file(PropertyReader& reader) {
   if (!reader.has("filename")) reader.fail("MISSING_PARAMETER", "parameter 'filename' is missing");
   const std::string path = reader.text("filename", "");
   MeshReadOptions options;
+  options.path = path;
   options.face_normals = reader.boolean("face_normals", false);
   options.flip_tex_coords = reader.boolean("flip_tex_coords", object.type == "obj");
   options.max_smooth_angle_degrees = reader.number_if_given("max_smooth_angle", 0.0, 180.0);
