@@ -88,9 +88,7 @@ def tidy(source: Source, build: Path, clean: Path) -> str | None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", type=Path, required=True, help="configured and built CMake folder")
     parser.add_argument("--jobs", type=int, default=1, help="processes at a time")
     parser.add_argument("paths", nargs="*", type=Path, help="only these sources (default: all)")
