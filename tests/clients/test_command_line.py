@@ -17,6 +17,7 @@ from fogbank_cli.exit_codes import DESCRIPTIONS, ExitCode
 from fogbank_cli.main import run
 from fogbank_cli.output import duration, quantity
 
+from tests.clients.conftest import ROOT
 from tests.clients.fake_job import ENDLESS, FAILING, PASSES, radiance
 from tests.clients.fake_server import LOAD_SECONDS, FakeServer
 from tests.clients.test_jobs import WHOLE
@@ -208,6 +209,12 @@ def test_help_documents_every_exit_status(capsys: pytest.CaptureFixture[str]) ->
     text = capsys.readouterr().out
     for code in ExitCode:
         assert f"{code.value:>3}  {DESCRIPTIONS[code]}" in text
+
+
+def test_the_readme_documents_every_exit_status() -> None:
+    text = (ROOT / "clients" / "README.md").read_text()
+    for code in ExitCode:
+        assert f"| {code.value} | {DESCRIPTIONS[code]} |\n" in text
 
 
 def test_the_version_is_shown(capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,6 +18,9 @@ DEFAULT_ADDRESS = "127.0.0.1:7070"
 @click.option("--data", type=click.Path(path_type=Path), help="Data directory, as the global option.")
 @click.option("--scene-root", type=click.Path(path_type=Path), help="Clients may load scenes below this folder.")
 @click.option("--threads", type=click.IntRange(1), help="Worker threads; one per core by default.")
+@click.option("--memory", type=click.FloatRange(0), metavar="GIB", help="For scenes and films; 3/4 of the machine's.")
+@click.option("--insecure-any-address", is_flag=True, help="Listen where others can reach it, without authentication.")
+@click.option("--log-level", type=click.Choice(["debug", "info", "warning", "error", "off"]), help="Default: info.")
 @click.option("--port-file", type=click.Path(path_type=Path), help="Written when the server is ready.")
 @pass_session
 def serve(
@@ -27,6 +30,9 @@ def serve(
     data: Path | None,
     scene_root: Path | None,
     threads: int | None,
+    memory: float | None,
+    insecure_any_address: bool,
+    log_level: str | None,
     port_file: Path | None,
 ) -> None:
     """Run a server in the foreground until SIGINT or SIGTERM."""
@@ -34,8 +40,17 @@ def serve(
     if data is None:
         raise click.UsageError("a server that stays needs a data directory: --data DIR or FOGBANK_DATA")
     command = [str(server_binary()), "--listen", listen, "--data", str(data)]
-    for option, value in (("--scene-root", scene_root), ("--threads", threads), ("--port-file", port_file)):
+    options = {
+        "--scene-root": scene_root,
+        "--threads": threads,
+        "--memory": memory,
+        "--log-level": log_level,
+        "--port-file": port_file,
+    }
+    for option, value in options.items():
         if value is not None:
             command += [option, str(value)]
+    if insecure_any_address:
+        command.append("--insecure-any-address")
     # The server takes this process's place, so that signals and its exit status need no passing on.
     os.execv(command[0], command)
