@@ -101,6 +101,16 @@ def test_a_server_that_dies_is_reported_at_once(scene_path: Path) -> None:
                 scene.render()
 
 
+@pytest.mark.usefixtures("fake_binary")
+def test_a_long_temporary_folder_does_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    long = tmp_path / ("x" * 100)
+    long.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(long))
+    with fogbank.connect() as service:
+        assert service.status().worker_threads == 2
+    assert list(long.iterdir()) == []
+
+
 def test_a_missing_binary_says_where_it_was_looked_for(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("FOGBANK_SERVER_BINARY", str(tmp_path / "none"))
     with pytest.raises(fogbank.ServerStartError, match=r"FOGBANK_SERVER_BINARY names .*none"):

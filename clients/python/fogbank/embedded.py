@@ -22,6 +22,12 @@ START_SECONDS = 30.0
 # Running jobs get the time to stop and the store to sync; then the process is killed.
 STOP_SECONDS = 10.0
 
+# Bytes of a Unix socket's path that every system can take.
+_LONGEST_SOCKET_PATH = 103
+
+# The sockets of a process that is being killed close before it can be waited for.
+_DYING_SECONDS = 0.5
+
 _POLL_SECONDS = 0.005
 _LOG_TAIL_LINES = 15
 
@@ -83,9 +89,8 @@ class EmbeddedServer:
         """
         binary = server_binary()
         data_folder = DataFolder(data)
-        # Private (mode 0700): whoever can reach the socket can use the server. Short, since a socket's path has to
-        # fit into 107 bytes.
-        self._folder = Path(tempfile.mkdtemp(prefix="fogbank-"))
+        self._owner = os.getpid()
+        self._folder = _private_folder()
         self._log = self._folder / "log"
         port_file = self._folder / "port"
         self.target = f"unix:{self._folder / 'socket'}"
@@ -96,7 +101,7 @@ class EmbeddedServer:
         if threads is not None:
             command += ["--threads", str(threads)]
         self._process = self._start(command, data_folder)
-        self._finalizer = weakref.finalize(self, _stop, self._process, self._folder, os.getpid())
+        self._finalizer = weakref.finalize(self, _stop, self._process, self._folder, self._owner)
         try:
             self._wait_until_ready(port_file)
         except BaseException:
@@ -109,8 +114,12 @@ class EmbeddedServer:
         return self._process.pid
 
     def failure(self) -> ServerStartError | None:
-        """Why the server is gone; None while it runs."""
-        if self._finalizer.alive and self._process.poll() is None:
+        """Why the server is gone; None while it runs, and in a forked child, which cannot know."""
+        if os.getpid() != self._owner:
+            return None
+        try:
+            self._process.wait(_DYING_SECONDS)
+        except subprocess.TimeoutExpired:
             return None
         return ServerStartError(self._describe_end("the embedded server died"))
 
@@ -161,6 +170,15 @@ class EmbeddedServer:
         return "\n  ".join(
             [what + ("; its log ends with:" if lines else "; its log is empty"), *lines[-_LOG_TAIL_LINES:]]
         )
+
+
+def _private_folder() -> Path:
+    """A new folder (mode 0700) for socket and log: whoever can reach the socket can use the server."""
+    folder = Path(tempfile.mkdtemp(prefix="fogbank-"))
+    if len(os.fsencode(folder)) + len("/socket") <= _LONGEST_SOCKET_PATH:
+        return folder
+    folder.rmdir()
+    return Path(tempfile.mkdtemp(prefix="fogbank-", dir="/tmp"))
 
 
 def _stop(process: subprocess.Popen[bytes], folder: Path, owner: int) -> None:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-import threading
 import uuid
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import closing
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -62,8 +62,6 @@ class Service:
         """Made by `connect`, not by users."""
         self._connection = connection
         self._server = server
-        self._hash_cache: HashCache | None = None
-        self._hash_cache_lock = threading.Lock()
         try:
             # Also finds out whether there is a server at all.
             self._capabilities = Capabilities.from_message(
@@ -86,8 +84,6 @@ class Service:
     def close(self) -> None:
         """Ends the connection, and the server if it is embedded: its running jobs are cancelled."""
         self._connection.close()
-        if self._hash_cache is not None:
-            self._hash_cache.close()
         if self._server is not None:
             self._server.stop()
 
@@ -133,22 +129,15 @@ class Service:
         Raises InvalidSceneError, naming file, line and element, for scenes that cannot be loaded.
         """
         options = _load_options(parameters, lenient)
-        files = SceneFiles(Path(path), None if root is None else Path(root), self._open_hash_cache())
         limit = self._capabilities.limits.get("max_upload_chunk_bytes")
         chunk_bytes = CHUNK_BYTES if limit is None else min(CHUNK_BYTES, int(limit.value))
-        try:
-            manifest = push(self._connection, files, options, chunk_bytes=chunk_bytes, on_progress=on_progress)
-            return self._create_scene(scene_pb2.CreateSceneRequest(manifest=manifest))
-        except InvalidSceneError as error:
-            if error.reason != "PATH_OUTSIDE_ROOT":
-                raise
-            raise InvalidSceneError(
-                f"{error.message}\nThe scene's root is {files.root}. If files outside it are meant, name a folder that"
-                " holds all files of the scene as the root (root=... or --root).",
-                reason=error.reason,
-                metadata=error.metadata,
-                code=error.code,
-            ) from None
+        with closing(HashCache(cache_folder() / "hashes.sqlite")) as hash_cache:
+            files = SceneFiles(Path(path), None if root is None else Path(root), hash_cache)
+            try:
+                manifest = push(self._connection, files, options, chunk_bytes=chunk_bytes, on_progress=on_progress)
+                return self._create_scene(scene_pb2.CreateSceneRequest(manifest=manifest))
+            except InvalidSceneError as error:
+                raise _with_advice(error, files.root) from None
 
     def load_server_file(
         self, path: str, *, parameters: Mapping[str, ParameterValue] | None = None, lenient: bool = False
@@ -211,11 +200,18 @@ class Service:
             raise scene_error(error) from None
         return Scene(self._connection, response.scene, loaded_now=not response.already_loaded)
 
-    def _open_hash_cache(self) -> HashCache:
-        with self._hash_cache_lock:
-            if self._hash_cache is None:
-                self._hash_cache = HashCache(cache_folder() / "hashes.sqlite")
-            return self._hash_cache
+
+def _with_advice(error: InvalidSceneError, root: Path) -> InvalidSceneError:
+    """Adds what to do about references that leave the root."""
+    if error.reason != "PATH_OUTSIDE_ROOT":
+        return error
+    return InvalidSceneError(
+        f"{error.message}\nThe scene's root is {root}. If files outside it are meant, name a folder that holds all"
+        " files of the scene as the root (root=... or --root).",
+        reason=error.reason,
+        metadata=error.metadata,
+        code=error.code,
+    )
 
 
 def _load_options(parameters: Mapping[str, ParameterValue] | None, lenient: bool) -> scene_pb2.LoadOptions:

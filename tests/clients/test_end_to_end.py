@@ -1,0 +1,327 @@
+"""The client with the real server: what a user does, and what the network does to it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Literal
+
+import fogbank
+import numpy as np
+import numpy.typing as npt
+import pytest
+from fogbank.channel import CHANNEL_OPTIONS
+from fogbank.embedded import EmbeddedServer
+from fogbank.image import Image
+from fogbank.paths import server_binary
+from fogbank_cli.exit_codes import ExitCode
+
+from tests.clients.conftest import ROOT
+from tests.clients.cutting_proxy import CuttingProxy
+from tests.clients.test_jobs import assemble
+
+SHAFTS = ROOT / "scenes" / "shafts" / "shafts.xml"
+SLAB = ROOT / "scenes" / "analytic" / "absorbing_slab.xml"
+
+# Small enough for seconds, large enough for several tiles and passes.
+SIZE = (72, 40)
+
+try:
+    server_binary()
+except fogbank.ServerStartError as absence:
+    pytestmark = pytest.mark.skip(reason=f"NOT TESTED, no server: {absence}")
+
+
+@pytest.fixture(scope="module")
+def module_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[fogbank.Service]:
+    """One embedded server for the tests that leave it as it is."""
+    with fogbank.connect(data=tmp_path_factory.mktemp("data")) as service:
+        yield service
+
+
+@pytest.fixture(scope="module")
+def shafts(module_service: fogbank.Service) -> fogbank.Scene:
+    """A scene with meshes, lights and fog."""
+    return module_service.load(SHAFTS)
+
+
+@contextlib.contextmanager
+def served(data: Path, *arguments: str) -> Iterator[tuple[subprocess.Popen[bytes], int]]:
+    """A server on a TCP port, started by `fogbank serve`."""
+    port_file = data.with_suffix(".port")
+    port_file.unlink(missing_ok=True)
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-c", "from fogbank_cli.main import main; main()", "serve", "--listen", "127.0.0.1:0"),
+            *("--data", str(data), "--port-file", str(port_file), *arguments),
+        ]
+    )
+    try:
+        while not port_file.exists():
+            assert process.poll() is None
+        yield process, int(port_file.read_text().strip().rpartition(":")[2])
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def film(job: fogbank.Job) -> npt.NDArray[np.float32]:
+    """What the job's tiles amount to."""
+    return assemble(job, fogbank.Window(0, 0, *SIZE))
+
+
+def test_what_a_user_does(module_service: fogbank.Service, tmp_path: Path) -> None:
+    scene = module_service.load(SHAFTS)
+    assert scene.statistics.triangles > 0
+    assert scene.statistics.media > 0
+    job = scene.render(integrator="volpath", spp=4, size=SIZE)
+    tiles = list(job.tiles())
+    assert all(tile.dtype == np.float32 and tile.shape[2] == 3 for tile in tiles)
+    image = job.result()
+    assert image.shape == (SIZE[1], SIZE[0], 3)
+    assert np.all(np.isfinite(image))
+    assert image.min() >= 0.0
+    assert image.mean() > 0.0
+    image.save(tmp_path / "out.exr")
+    image.save(tmp_path / "out.png")
+    np.testing.assert_array_equal(Image.from_exr((tmp_path / "out.exr").read_bytes()), image)
+    statistics = job.statistics
+    assert statistics is not None
+    assert statistics.samples == 4 * SIZE[0] * SIZE[1]
+    assert statistics.rays > statistics.samples
+    assert statistics.render_seconds > 0.0
+    assert statistics.render_cpu_seconds > 0.0
+
+
+def test_the_channel_options_are_those_that_the_server_asks_for(module_service: fogbank.Service) -> None:
+    assert dict(CHANNEL_OPTIONS) == module_service.capabilities.channel_arguments
+
+
+def test_a_slab_absorbs_as_it_must(module_service: fogbank.Service) -> None:
+    expected = tomllib.loads((SLAB.parent / "expect.toml").read_text())["absorbing_slab"]
+    image = module_service.load(SLAB).render(pixel_type="float", spp=16).result()
+    np.testing.assert_allclose(
+        image.mean(axis=(0, 1)), expected["mean"], rtol=expected["relative_tolerance"] + float(np.finfo(np.float32).eps)
+    )
+
+
+@pytest.mark.parametrize("pixel_type", ["half", "float"])
+def test_tiles_add_up_to_the_image_bit_for_bit(shafts: fogbank.Scene, pixel_type: Literal["half", "float"]) -> None:
+    job = shafts.render(spp=8, size=SIZE, pixel_type=pixel_type, update_interval=0.02)
+    np.testing.assert_array_equal(film(job), job.result())
+
+
+def test_a_late_watcher_gets_the_same_image(shafts: fogbank.Scene) -> None:
+    job = shafts.render(spp=4, size=SIZE).wait()
+    np.testing.assert_array_equal(film(job), job.result())
+
+
+def test_the_image_depends_on_scene_and_settings_alone(shafts: fogbank.Scene) -> None:
+    images = [
+        np.asarray(shafts.render(spp=4, size=SIZE, **how).result())
+        for how in (
+            {"threads": 1, "tile_size": 16},
+            {"threads": 2, "tile_size": 32, "tile_order": "scan"},
+            {"tile_size": 64, "region": (50, 20, 10, 10)},
+        )
+    ]
+    for image in images[1:]:
+        np.testing.assert_array_equal(image, images[0])
+    assert not np.array_equal(shafts.render(spp=4, size=SIZE, seed=1).result(), images[0])
+
+
+def test_a_crop_is_the_same_part_of_the_whole(shafts: fogbank.Scene) -> None:
+    window = fogbank.Window(13, 7, 30, 21)
+    crop = shafts.render(spp=4, size=SIZE, crop=window, variance=True).result()
+    assert crop.window == window
+    assert crop.film_size == SIZE
+    assert crop.variance is not None
+    assert np.all(crop.variance >= 0.0)
+    whole = shafts.render(spp=4, size=SIZE).result()
+    inside = slice(2, -2)  # the film's filter reaches over the crop's border
+    np.testing.assert_array_equal(np.asarray(crop)[inside, inside], np.asarray(whole)[window.slices][inside, inside])
+
+
+def test_a_camera_can_be_replaced(shafts: fogbank.Scene) -> None:
+    usual = shafts.render(spp=1, size=SIZE)
+    moved = shafts.render(spp=1, size=SIZE, camera={"origin": [0, 1, 0], "target": [0, 1, 1], "fov": 50})
+    assert not np.array_equal(usual.result(), moved.result())
+    camera = moved.settings["camera"]
+    assert isinstance(camera, dict)
+    assert camera["fov"] == 50.0
+
+
+def test_a_time_budget_ends_a_job_early(shafts: fogbank.Scene) -> None:
+    job = shafts.render(spp=65536, size=SIZE, time_budget=0.3)
+    job.result()
+    statistics = job.statistics
+    assert statistics is not None
+    assert 0 < statistics.samples_per_pixel < 65536
+
+
+def test_a_cancelled_job_ends_for_all_its_watchers(module_service: fogbank.Service, shafts: fogbank.Scene) -> None:
+    job = shafts.render(spp=65536, size=SIZE)
+    next(job.tiles())
+    module_service.job(job.name).cancel()
+    with pytest.raises(fogbank.JobCancelledError):
+        job.result()
+
+
+@pytest.mark.parametrize(
+    ("options", "field"),
+    [
+        ({"integrator": "magic"}, "integrator"),
+        ({"spp": 0}, "samples_per_pixel"),
+        ({"size": (0, 10)}, "width"),
+        ({"size": (100_000, 10)}, "width"),
+        ({"crop": (0, 0, 1000, 1)}, "crop"),
+        ({"tile_size": 0}, "tile_size"),
+        ({"tile_size": 100_000}, "tile_size"),
+        ({"camera": np.zeros((4, 4))}, "camera"),
+        ({"time_budget": -1.0}, "time_budget_seconds"),
+    ],
+)
+def test_settings_out_of_range_are_refused_by_field(
+    shafts: fogbank.Scene, options: dict[str, object], field: str
+) -> None:
+    with pytest.raises(fogbank.InvalidArgumentError) as caught:
+        shafts.render(**{"size": SIZE, **options})  # type: ignore[arg-type]
+    assert caught.value.reason == "INVALID_SETTINGS"
+    assert caught.value.metadata["field"].startswith(field)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("<scene version='3.0.0'>\n<shape", r"^bad\.xml:2"),
+        ("<scene version='3.0.0'>\n<shape type='torus'/></scene>", r"^bad\.xml:2: <shape type=.torus.*"),
+        (
+            "<scene version='3.0.0'>\n<shape type='ply'><string name='filename' value='none.ply'/></shape></scene>",
+            r"^bad\.xml:2: .*none\.ply",
+        ),
+        (
+            "<scene version='3.0.0'>\n<shape type='ply'><string name='filename' value='../x.ply'/></shape></scene>",
+            r"^bad\.xml:2: (.|\n)*--root",
+        ),
+    ],
+)
+def test_a_bad_scene_is_refused_with_file_and_line(
+    module_service: fogbank.Service, tmp_path: Path, text: str, message: str
+) -> None:
+    (tmp_path / "bad.xml").write_text(text)
+    with pytest.raises(fogbank.InvalidSceneError, match=message):
+        module_service.load(tmp_path / "bad.xml")
+
+
+def test_a_network_that_breaks_again_and_again_costs_nothing_but_time(tmp_path: Path) -> None:
+    scene_folder = tmp_path / "scene"
+    scene_folder.mkdir()
+    # A mesh that no lossless link could shrink, of 4 MiB: the reader ignores the comment lines that fill it.
+    source = random.Random(1)
+    comments = "\n".join(f"# {source.getrandbits(512):0128x}" for _ in range(32_000))
+    triangle = "v 0 0 5\nv 1 0 5\nv 0 1 5\nf 1 2 3\n"
+    (scene_folder / "mesh.obj").write_text(f"{comments}\n{triangle}")
+    (scene_folder / "scene.xml").write_text(
+        '<scene version="3.0.0"><integrator type="volpath"/><sensor type="perspective"/><emitter type="constant"/>'
+        '<shape type="obj"><string name="filename" value="mesh.obj"/></shape></scene>'
+    )
+    with served(tmp_path / "data") as (_, port), contextlib.closing(CuttingProxy(port)) as proxy:
+        proxy.cut_after_bytes, proxy.most_cuts = 400_000, 50
+        policy = fogbank.RetryPolicy(attempts=60, longest_delay_seconds=0.02)
+        with fogbank.connect(f"127.0.0.1:{proxy.port}", retry_policy=policy) as service:
+            scene = service.load(scene_folder / "scene.xml")
+            # 4 MiB in pieces of less than 400 kB.
+            assert proxy.cuts >= 10
+            proxy.cut_after_bytes, proxy.most_cuts, proxy.cuts = 30_000, 20, 0
+            job = scene.render(spp=64, size=SIZE, tile_size=16, update_interval=0.02, pixel_type="float")
+            seen = film(job)
+            image = job.result()
+            assert proxy.cuts > 0
+        with fogbank.connect(f"127.0.0.1:{port}") as direct:
+            undisturbed = direct.job(job.name).result()
+    np.testing.assert_array_equal(seen, image)
+    assert image.exr == undisturbed.exr
+
+
+def test_jobs_and_scenes_outlive_the_server(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    with served(data) as (process, port):
+        with fogbank.connect(f"127.0.0.1:{port}") as service:
+            scene = service.load(SLAB)
+            job = scene.render(spp=2)
+            before = job.result()
+        process.kill()
+    with served(data) as (_, port), fogbank.connect(f"127.0.0.1:{port}") as service:
+        assert service.job(job.name).state is fogbank.JobState.SUCCEEDED
+        assert service.job(job.name).result().exr == before.exr
+        again = service.scene(scene.name).render(spp=2).result()
+        np.testing.assert_array_equal(again, before)
+
+
+def test_scenes_below_the_servers_root_need_no_upload(tmp_path: Path) -> None:
+    root = str(ROOT / "scenes")
+    with (
+        served(tmp_path / "data", "--scene-root", root) as (_, port),
+        fogbank.connect(f"127.0.0.1:{port}") as service,
+    ):
+        scene = service.load_server_file("analytic/absorbing_slab.xml")
+        assert scene.name == service.load(SLAB).name
+        with pytest.raises(fogbank.InvalidSceneError):
+            service.load_server_file("../README.md")
+
+
+def test_two_servers_on_one_data_directory_are_refused(tmp_path: Path) -> None:
+    first = EmbeddedServer(data=tmp_path)
+    try:
+        with pytest.raises(fogbank.ServerStartError, match=r"its log ends with:(.|\n)*in use"):
+            EmbeddedServer(data=tmp_path)
+    finally:
+        first.stop()
+
+
+def run_command(*arguments: str | Path) -> subprocess.Popen[str]:
+    """Starts `fogbank` in a process of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-c", "from fogbank_cli.main import main; main()", *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ,
+    )
+
+
+def test_the_command_renders_with_a_server_of_its_own(tmp_path: Path) -> None:
+    arguments = ("render", SHAFTS, "-o", tmp_path / "out.exr", "-o", tmp_path / "out.png", "--spp", "2", "--json")
+    with run_command("--data", tmp_path / "data", *arguments, "--size", "72x") as process:
+        output, _ = process.communicate()
+    assert process.returncode == ExitCode.OK
+    done = json.loads(output.splitlines()[-1])
+    assert done["event"] == "done"
+    assert done["image"] == str(tmp_path / "out.exr")
+    assert done["render_seconds"] > 0
+    assert done["render_cpu_seconds"] > 0
+    assert done["load_seconds"] > 0
+    assert done["samples"] == 2 * done["film_size"][0] * done["film_size"][1]
+    assert done["rays"] > 0
+    assert Image.from_exr((tmp_path / "out.exr").read_bytes()).shape[1] == 72
+
+
+def test_ctrl_c_cancels_the_render(tmp_path: Path) -> None:
+    arguments = ("render", SHAFTS, "-o", tmp_path / "out.exr", "--spp", "65536", "--json")
+    with run_command("--data", tmp_path / "data", *arguments) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            if json.loads(line)["event"] == "progress":
+                process.send_signal(signal.SIGINT)
+                break
+        rest = process.stdout.read()
+    assert process.returncode == ExitCode.CANCELLED
+    assert json.loads(rest.splitlines()[-1])["event"] == "error"
+    assert not (tmp_path / "out.exr").exists()
