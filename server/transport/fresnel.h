@@ -47,9 +47,10 @@ inline Spectrum fresnel_conductor(float cos_theta_i, const Spectrum& eta, const 
 }
 
 /// Share of diffuse (cosine-weighted) light that a smooth dielectric interface reflects, seen from the side
-/// with relative index `eta` = other side over this side. Fits, good to 0.6 % for indices up to 2: for eta <
-/// 1 Egan and Hilgeman 1973, for eta >= 1 d'Eon and Irving 2011 (the pair that Mitsuba 3 uses, so that
-/// `plastic` has the same albedo there and here).
+/// with relative index `eta` = other side over this side. Fits: Egan and Hilgeman 1973 for eta < 1 (good to
+/// 0.6 % above 0.5), d'Eon and Irving 2011 for eta >= 1 (0.2 % below 10): the pair that Mitsuba 3 uses, so
+/// that `plastic` has the same albedo there and here. Below 0.4, where the former passes 1 and Mitsuba with
+/// it, the latter takes over by reciprocity.
 float fresnel_diffuse_reflectance(float eta);
 
 /// Mirror image of `w` about the unit vector `m`.

@@ -97,6 +97,7 @@ RoughInterface::RoughInterface(MicrofacetType type, float alpha, float eta) {
         internal += normal.weight * cosine * fresnel_dielectric(cos_o, 1.0f / eta).reflectance *
                     facets.masking(mirrored, normal.m);
     }
+    transmittance_[i] = std::fmin(1.0f, transmittance_[i]);  // the weights add up to 1 but for rounding
   }
   // A plain mean over the nodes, as Mitsuba 3 defines it: it weighs the end node fully and so falls 1.5 %
   // short of the integral, but the albedo of every `roughplastic` scene depends on it.
