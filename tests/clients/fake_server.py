@@ -244,7 +244,7 @@ class FakeServer(
             self._fail(context, 5, "SCENE_NOT_FOUND", f"there is no {request.scene}")
         if request.settings.integrator not in ("", NORMAL, ENDLESS, FAILING):
             message = f"integrator: {request.settings.integrator!r} is unknown; known are volpath"
-            self._fail(context, 3, "INVALID_SETTINGS", message, field="integrator")
+            self._fail(context, 3, "INVALID_SETTINGS", message, field="settings.integrator")
         if request.settings.samples_per_pixel > 1000:
             self._fail(context, 8, "TOO_MANY_JOBS", "too many unfinished jobs")
         with self._lock:

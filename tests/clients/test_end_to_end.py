@@ -195,7 +195,7 @@ def test_settings_out_of_range_are_refused_by_field(
     with pytest.raises(fogbank.InvalidArgumentError) as caught:
         shafts.render(**{"size": SIZE, **options})  # type: ignore[arg-type]
     assert caught.value.reason == "INVALID_SETTINGS"
-    assert caught.value.metadata["field"].startswith(field)
+    assert caught.value.metadata["field"].startswith(f"settings.{field}")
 
 
 @pytest.mark.parametrize(

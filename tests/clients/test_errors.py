@@ -98,7 +98,7 @@ def test_refused_settings_name_the_field(scene: fogbank.Scene) -> None:
     with pytest.raises(fogbank.InvalidArgumentError, match="integrator") as caught:
         scene.render(integrator="magic")
     assert caught.value.reason == "INVALID_SETTINGS"
-    assert caught.value.metadata == {"field": "integrator"}
+    assert caught.value.metadata == {"field": "settings.integrator"}
     assert not isinstance(caught.value, fogbank.InvalidSceneError)
 
 

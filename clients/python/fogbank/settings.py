@@ -102,7 +102,7 @@ def settings_message(options: RenderOptions) -> render_pb2.RenderSettings:
             try:
                 setattr(message, field, given[name])
             except (TypeError, ValueError) as error:
-                raise InvalidArgumentError(f"{name}: {error}", metadata={"field": field}) from None
+                raise InvalidArgumentError(f"{name}: {error}", metadata={"field": f"settings.{field}"}) from None
     for name in _WINDOWS:
         if name in given:
             getattr(message, name).CopyFrom(_window_message(name, given[name]))
@@ -140,7 +140,9 @@ def options_from_message(message: render_pb2.RenderSettings) -> RenderOptions:
 
 def _choice(name: str, value: object, choices: dict[str, Any]) -> Any:  # noqa: ANN401 - an enum of any kind
     if value not in choices:
-        raise InvalidArgumentError(f"{name}: {value!r} is none of {', '.join(choices)}", metadata={"field": name})
+        raise InvalidArgumentError(
+            f"{name}: {value!r} is none of {', '.join(choices)}", metadata={"field": f"settings.{name}"}
+        )
     return choices[str(value)]
 
 
@@ -150,7 +152,7 @@ def _window_message(name: str, value: Sequence[int]) -> scene_pb2.Window:
         return Window(x, y, width, height).to_message()
     except (TypeError, ValueError):
         raise InvalidArgumentError(
-            f"{name}: {value!r} is not x, y, width, height in whole pixels", metadata={"field": name}
+            f"{name}: {value!r} is not x, y, width, height in whole pixels", metadata={"field": f"settings.{name}"}
         ) from None
 
 
@@ -163,5 +165,5 @@ def _set_size(message: render_pb2.RenderSettings, size: Sequence[int | None]) ->
             message.height = height
     except (TypeError, ValueError):
         raise InvalidArgumentError(
-            f"size: {size!r} is not (width, height) in whole pixels", metadata={"field": "size"}
+            f"size: {size!r} is not (width, height) in whole pixels", metadata={"field": "settings.width"}
         ) from None
