@@ -37,7 +37,8 @@ def main() -> int:
     port = server.start(arguments.listen)
     if arguments.port_file is not None:
         temporary = arguments.port_file.with_suffix(".new")
-        temporary.write_text(f"{port}\n")
+        target = arguments.listen if arguments.listen.startswith("unix:") else f"127.0.0.1:{port}"
+        temporary.write_text(f"{target}\n")
         temporary.replace(arguments.port_file)
     end.wait()
     server.stop()

@@ -55,6 +55,9 @@ class Faults:
     uploads_in_progress: int = 0
     """So many uploads find another one under way."""
 
+    cancel_watches: int = 0
+    """So many WatchJob streams are cut as those of readers that stall, after the snapshot."""
+
     end_watches_early: int = 0
     """So many WatchJob streams end with OK after the snapshot, without a terminal event."""
 
@@ -302,6 +305,9 @@ class FakeServer(
                     return
                 yield event
                 left = None if left is None else left - 1
+                if self.faults.cancel_watches > 0:
+                    self.faults.cancel_watches -= 1
+                    context.abort(grpc.StatusCode.CANCELLED, "")
                 if self.faults.end_watches_early > 0:
                     self.faults.end_watches_early -= 1
                     return

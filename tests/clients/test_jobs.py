@@ -83,6 +83,19 @@ def test_a_stream_without_terminal_event_is_taken_up_again(scene: fogbank.Scene,
     np.testing.assert_array_equal(assemble(scene.render()), radiance(WHOLE, PASSES - 1))
 
 
+def test_a_stream_that_the_server_cut_is_taken_up_again(scene: fogbank.Scene, fake: FakeServer) -> None:
+    fake.faults.cancel_watches = 3
+    np.testing.assert_array_equal(assemble(scene.render()), radiance(WHOLE, PASSES - 1))
+
+
+def test_a_service_that_is_closed_ends_its_streams(service: fogbank.Service, scene: fogbank.Scene) -> None:
+    tiles = scene.render(integrator=ENDLESS).tiles()
+    next(tiles)
+    service.close()
+    with pytest.raises(fogbank.UnavailableError, match="is closed"):
+        list(tiles)
+
+
 def test_a_server_that_only_ever_breaks_off_is_given_up(scene: fogbank.Scene, fake: FakeServer) -> None:
     fake.faults.cut_watches_after = [1] * 1000
     with pytest.raises(fogbank.UnavailableError):

@@ -15,7 +15,14 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from fogbank import exr
 from fogbank._generated.v1 import render_pb2
 from fogbank.channel import Connection
-from fogbank.errors import DataLossError, DeadlineExceededError, FogbankError, UnavailableError, job_error
+from fogbank.errors import (
+    CallCancelledError,
+    DataLossError,
+    DeadlineExceededError,
+    FogbankError,
+    UnavailableError,
+    job_error,
+)
 from fogbank.image import Image
 from fogbank.pixels import Tile
 from fogbank.retry import Backoff
@@ -331,6 +338,9 @@ class Job:
                 call.cancel()
             if deadline is not None and isinstance(error, DeadlineExceededError):
                 continue
+            if isinstance(error, CallCancelledError):
+                # Not by this client, which leaves by way of GeneratorExit: servers cut streams that nobody reads.
+                error = UnavailableError(f"the server ended the stream of {self.name}")
             self._connection.wait_or_raise(backoff, error)
 
     def _download(self) -> bytes:
