@@ -1,0 +1,51 @@
+#include <algorithm>
+#include <cmath>
+
+#include "scene/textures/plugins.h"
+
+namespace fogbank::scene {
+
+namespace {
+
+/// Colours may be textures themselves.
+class CheckerboardTexture final : public Texture {
+ public:
+  CheckerboardTexture(TexturePointer color0, TexturePointer color1, const Mat4d& to_uv)
+      : color0_(std::move(color0)), color1_(std::move(color1)), to_uv_(to_uv) {}
+
+  Spectrum evaluate(const Vec2f& uv) const override { return field(uv).evaluate(uv); }
+  float evaluate_scalar(const Vec2f& uv) const override { return field(uv).evaluate_scalar(uv); }
+  Vec2f evaluate_scalar_gradient(const Vec2f& uv) const override {
+    return field(uv).evaluate_scalar_gradient(uv);
+  }
+  Spectrum mean() const override { return 0.5f * (color0_->mean() + color1_->mean()); }
+  float minimum() const override { return std::min(color0_->minimum(), color1_->minimum()); }
+  float maximum() const override { return std::max(color0_->maximum(), color1_->maximum()); }
+
+ private:
+  const Texture& field(const Vec2f& uv) const {
+    const Vec2f at = to_uv_.apply(uv);
+    const bool right = at.x - std::floor(at.x) > 0.5f;
+    const bool upper = at.y - std::floor(at.y) > 0.5f;
+    return right == upper ? *color0_ : *color1_;
+  }
+
+  TexturePointer color0_;
+  TexturePointer color1_;
+  UvTransform to_uv_;
+};
+
+}  // namespace
+
+TexturePointer make_checkerboard_texture(PropertyReader& reader, TextureLibrary& library) {
+  const auto color = [&](const char* name, float fallback) {
+    constexpr float largest = 1e30f;  // what a colour may be depends on where the checkerboard is used
+    return read_texture(reader, name, Spectrum(fallback), 0.0f, largest, library);
+  };
+  TexturePointer color0 = color("color0", 0.4f);
+  TexturePointer color1 = color("color1", 0.2f);
+  return std::make_shared<CheckerboardTexture>(std::move(color0), std::move(color1),
+                                               reader.transform("to_uv"));
+}
+
+}  // namespace fogbank::scene
