@@ -66,11 +66,10 @@ LightPointer make_constant(PropertyReader& reader, scene::Scene&) {
 LightPointer make_environment(PropertyReader& reader, scene::Scene& scene) {
   const std::string filename = reader.text("filename", "");
   if (filename.empty()) reader.fail("MISSING_PARAMETER", "an envmap needs a `filename`");
-  scene::ImagePointer image = scene.textures->image(filename, true, reader.object().where);
+  scene::ImagePointer image = scene.textures->image(filename, false, reader.object().where);
   if (image->width < 2 || image->height < 2)
     reader.fail_at("filename", "IMAGE_TOO_SMALL", "an envmap needs at least 2 x 2 pixels");
-  if (*std::min_element(image->data.begin(), image->data.end()) < 0)
-    reader.fail_at("filename", "NEGATIVE_RADIANCE", "the image has negative values");
+  if (image->lowest < 0) reader.fail_at("filename", "NEGATIVE_RADIANCE", "the image has negative values");
   return std::make_unique<EnvironmentLight>(std::move(image), reader.transform("to_world"),
                                             static_cast<float>(reader.number("scale", 1, 0, most_radiance)));
 }
