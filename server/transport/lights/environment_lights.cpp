@@ -125,8 +125,9 @@ float EnvironmentLight::pdf(const Vec3f&, const Vec3f& direction, const scene::S
   const Vec3f local = glm::normalize(to_local_ * direction);
   float u = std::atan2(local.x, -local.z) * (0.5f * inv_pi);
   u -= std::floor(u);
-  const float v = std::acos(std::clamp(local.y, -1.0f, 1.0f)) * inv_pi;
-  const float sine = safe_sqrt(1 - sqr(local.y));
+  // Near the poles 1 - y^2 and acos(y) have no digits left; the horizontal part has all of them.
+  const float sine = std::sqrt(sqr(local.x) + sqr(local.z));
+  const float v = std::atan2(sine, local.y) * inv_pi;
   return sine > 0 ? pdf_uv(u, v) / (2 * pi * pi * sine) : 0;
 }
 
@@ -134,7 +135,7 @@ Spectrum EnvironmentLight::emitted(const Vec3f& direction, const scene::SurfaceI
   const Vec3f local = glm::normalize(to_local_ * direction);
   float u = std::atan2(local.x, -local.z) * (0.5f * inv_pi);
   u -= std::floor(u);
-  return evaluate(u, std::acos(std::clamp(local.y, -1.0f, 1.0f)) * inv_pi);
+  return evaluate(u, std::atan2(std::sqrt(sqr(local.x) + sqr(local.z)), local.y) * inv_pi);
 }
 
 }  // namespace fogbank::transport

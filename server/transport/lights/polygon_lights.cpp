@@ -68,7 +68,7 @@ std::optional<LightSample> TriangleLight::sample(const Vec3f& x, const Vec2f& u)
   const float t = std::cos(area - alpha);
   const float p = t - cos_alpha;
   const float q = s + sin_alpha * cos_c;
-  const float denominator = (s * p + t * q) * sin_alpha;
+  const float denominator = (q * s + p * t) * sin_alpha;
   const float cos_b_hat =
       denominator != 0 ? std::clamp(((t * q - s * p) * cos_alpha - q) / denominator, -1.0f, 1.0f) : 1.0f;
   const Vec3f c_perpendicular = c - a * glm::dot(c, a);

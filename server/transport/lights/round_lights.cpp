@@ -1,6 +1,7 @@
 #include "transport/lights/round_lights.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "core/frame.h"
 #include "core/sampling.h"
@@ -171,15 +172,20 @@ float CylinderLight::pdf(const Vec3f& x, const Vec3f& direction, const scene::Su
 }
 
 float CylinderLight::fluence(const Vec3f& x) const {
-  // Approximate: the silhouette's area 2 r L over the squared distance to the nearest point of the axis
-  // segment, bounded near the surface. Importance only; positive wherever light can arrive.
+  // Approximate: the silhouette's area 2 r L, foreshortened as seen from the middle, over the squared
+  // distance to the nearest point of the axis segment, bounded near the surface. Importance only; positive
+  // wherever light can arrive.
   float middle = 0;
   if (!(visible_half_angle(x, middle) > 0)) return 0;
   const Vec3f from_base = x - base_;
   const float along = std::clamp(glm::dot(from_base, axis_), 0.0f, length_);
   const Vec3f to_axis = from_base - axis_ * along;
   const float nearest_squared = std::fmax(glm::dot(to_axis, to_axis), sqr(radius_));
-  return mean_luminance_ * 2 * radius_ * length_ /
+  const Vec3f from_center = x - bounds_.center;
+  const float across = glm::length(from_center - axis_ * glm::dot(from_center, axis_));
+  const float foreshortening =
+      std::fmax(across / std::fmax(glm::length(from_center), std::numeric_limits<float>::min()), 0.1f);
+  return mean_luminance_ * 2 * radius_ * length_ * foreshortening /
          (nearest_squared + 0.25f * length_ * std::sqrt(nearest_squared));
 }
 
