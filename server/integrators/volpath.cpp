@@ -33,6 +33,11 @@ float power_heuristic(float density, float other) {
   return 1 / (1 + ratio * ratio);
 }
 
+/// The camera's segments get the finer table: it serves several samples.
+DistanceTable::Resolution resolution(int32_t samples) {
+  return samples > 1 ? DistanceTable::Resolution::fine : DistanceTable::Resolution::coarse;
+}
+
 /// Channels weighted by throughput; equal where there is none.
 Vec3f channel_weights(const Spectrum& throughput) {
   const float sum = throughput.x + throughput.y + throughput.z;
@@ -75,7 +80,7 @@ Spectrum VolumetricPathTracer::in_scattered(const Path& path, const MediumSegmen
     if (!choice) continue;
     const Light& light = world_->lights().light(choice->light);
     if (!table || table_light != choice->light) {
-      table.emplace(segment, light);
+      table.emplace(segment, light, resolution(samples));
       table_light = choice->light;
     }
     if (!table->can_contribute()) continue;
@@ -99,11 +104,22 @@ Spectrum VolumetricPathTracer::in_scattered(const Path& path, const MediumSegmen
   return sum / static_cast<float>(samples);
 }
 
-Spectrum VolumetricPathTracer::direct_light(const LightReceiver& receiver,
-                                            const scene::SurfaceInteraction& surface,
-                                            const ShadingPoint& point, const Vec3f& wo, int32_t medium,
-                                            RandomStream& random, RayCounters& counters) const {
+LightReceiver VolumetricPathTracer::receiver_at(const scene::SurfaceInteraction& surface,
+                                                const transport::Bsdf& bsdf, float cos_viewer,
+                                                int32_t medium) const {
+  return {surface.position,
+          bsdf.transmits() ? Vec3f(0) : (cos_viewer > 0 ? surface.shading_normal : -surface.shading_normal),
+          medium == scene::none ? 0 : world_->medium(medium).mean_sigma_t};
+}
+
+Spectrum VolumetricPathTracer::direct_light(const scene::SurfaceInteraction& surface,
+                                            const Vec3f& ray_direction, int32_t medium, RandomStream& random,
+                                            RayCounters& counters) const {
   const transport::Bsdf& bsdf = world_->bsdf(surface.shape);
+  if (!bsdf.has_smooth_lobes()) return Spectrum(0);
+  const ShadingPoint point = transport::World::shading_point(surface);
+  const Vec3f wo = point.frame.to_local(-ray_direction);
+  const LightReceiver receiver = receiver_at(surface, bsdf, wo.z, medium);
   float u = random.next_float();
   const Vec2f u_light = random.next_vec2();
   const std::optional<LightChoice> choice = world_->lights().choose(receiver, u);
@@ -138,7 +154,7 @@ float VolumetricPathTracer::emitter_weight(const Path& path, uint32_t light_inde
     return power_heuristic(path.last_pdf,
                            world_->lights().probability(path.last_receiver, light_index) * direction_pdf);
   }
-  const DistanceTable table(path.last_segment, light);
+  const DistanceTable table(path.last_segment, light, resolution(path.last_samples));
   if (!table.can_contribute()) return 1;
   const float pdf = world_->lights().probability(path.last_segment, light_index) *
                     table.pdf(path.last_distance) * direction_pdf;
@@ -153,9 +169,27 @@ bool VolumetricPathTracer::survives_roulette(Path& path, RandomStream& random) c
   return true;
 }
 
+Spectrum VolumetricPathTracer::emission(const Path& path, const scene::SurfaceInteraction* surface) const {
+  if (path.depth == 0 && settings_.hide_emitters) return Spectrum(0);
+  const Vec3f& direction = path.ray.direction;
+  if (surface == nullptr) {
+    Spectrum sum(0);
+    for (const uint32_t light : world_->environments()) {
+      const Spectrum emitted = world_->lights().light(light).emitted(direction, nullptr);
+      if (!is_black(emitted)) sum += emitted * emitter_weight(path, light, direction, nullptr);
+    }
+    return sum;
+  }
+  const uint32_t light = world_->light_of_hit(surface->shape, surface->primitive);
+  if (light == transport::SceneLights::no_light) return Spectrum(0);
+  const Spectrum emitted = world_->lights().light(light).emitted(direction, surface);
+  return is_black(emitted) ? emitted : emitted * emitter_weight(path, light, direction, surface);
+}
+
 Spectrum VolumetricPathTracer::radiance(const Ray& camera_ray, RandomStream& random,
                                         RayCounters& counters) const {
   const scene::Scene& scene = world_->scene();
+  const bool lit = world_->lights().size() > 0;
   Spectrum radiance(0);
   Path path;
   path.ray = camera_ray;
@@ -168,79 +202,68 @@ Spectrum VolumetricPathTracer::radiance(const Ray& camera_ray, RandomStream& ran
     scene::Hit hit;
     ++counters.closest_hit;
     const bool found = scene.intersector->intersect(path.ray, hit);
+    const MediumInfo* medium = path.medium == scene::none ? nullptr : &world_->medium(path.medium);
+    const MediumSegment segment{path.ray.origin, path.ray.direction, found ? hit.distance : infinity, medium,
+                                channel_weights(path.throughput)};
+    const Spectrum through =
+        medium == nullptr ? Spectrum(1) : transport::transmittance(medium->sigma_t, segment.length);
 
-    if (path.medium != scene::none) {
-      const MediumInfo& medium = world_->medium(path.medium);
-      if (medium.mean_sigma_t > 0) {
-        const MediumSegment segment{path.ray.origin, path.ray.direction, found ? hit.distance : infinity,
-                                    &medium, channel_weights(path.throughput)};
-        const bool scatters = !is_black(medium.sigma_s * path.throughput) && may_scatter();
-        const int32_t samples = path.depth == 0 ? camera_in_scatter_samples : 1;
-        if (!scatters) {
-          // Nothing is scattered here, or nothing more may be: only what gets through counts, and that needs
-          // no sampling.
-          path.throughput *= transport::transmittance(medium.sigma_t, segment.length);
-        } else {
-          if (world_->lights().size() > 0)
-            radiance += path.throughput * in_scattered(path, segment, samples, random, counters);
-          const float u_channel = random.next_float();
-          const float t = segment.sample_distance(u_channel, random.next_float());
-          if (t < segment.length) {
-            const float distance_pdf = segment.scatter_pdf(t);
-            path.throughput *= medium.sigma_s * transport::transmittance(medium.sigma_t, t) / distance_pdf;
-            ++path.depth;
-            if (!survives_roulette(path, random)) break;
-            const transport::PhaseSample phase = medium.phase.sample(path.ray.direction, random.next_vec2());
-            path.last = Path::Last::medium;
-            path.last_pdf = distance_pdf * phase.pdf;
-            path.last_segment = segment;
-            path.last_distance = t;
-            path.last_samples = samples;
-            path.last_position = path.ray.at(t);
-            path.ray = {path.last_position, phase.direction, infinity};
-            continue;
-          }
-          const float pass = segment.pass_probability();
-          if (!(pass > 0)) break;
-          path.throughput *= transport::transmittance(medium.sigma_t, segment.length) / pass;
-        }
-        if (is_black(path.throughput)) break;
+    // What the end of the segment sends out directly is weighted with the transmittance itself; only the
+    // path's continuation depends on where a random distance falls.
+    std::optional<scene::SurfaceInteraction> surface;
+    if (!is_black(through)) {
+      if (found && (path.depth == 0 || scene.shapes[hit.shape].emitter != scene::none))
+        surface = scene.interaction(path.ray, hit);
+      if (surface || !found)
+        radiance += path.throughput * through * emission(path, surface ? &*surface : nullptr);
+    }
+    const bool lit_before_distance = path.depth == 0 && surface.has_value();
+    if (lit_before_distance && lit && may_scatter())
+      radiance += path.throughput * through *
+                  direct_light(*surface, path.ray.direction, path.medium, random, counters);
+
+    if (medium != nullptr && !(may_scatter() && !is_black(medium->sigma_s * path.throughput))) {
+      // Nothing is scattered here, or nothing more may be: what gets through needs no sampling.
+      path.throughput *= through;
+    } else if (medium != nullptr) {
+      const int32_t samples = path.depth == 0 ? camera_in_scatter_samples : 1;
+      if (lit) radiance += path.throughput * in_scattered(path, segment, samples, random, counters);
+      const float u_channel = random.next_float();
+      const float t = segment.sample_distance(u_channel, random.next_float());
+      if (t < segment.length) {
+        const float distance_pdf = segment.scatter_pdf(t);
+        path.throughput *= medium->sigma_s * transport::transmittance(medium->sigma_t, t) / distance_pdf;
+        ++path.depth;
+        if (!survives_roulette(path, random)) break;
+        const transport::PhaseSample phase = medium->phase.sample(path.ray.direction, random.next_vec2());
+        path.last = Path::Last::medium;
+        path.last_pdf = distance_pdf * phase.pdf;
+        path.last_segment = segment;
+        path.last_distance = t;
+        path.last_samples = samples;
+        path.last_position = path.ray.at(t);
+        path.ray = {path.last_position, phase.direction, infinity};
+        continue;
       }
+      const float pass = segment.pass_probability();
+      path.throughput = pass > 0 ? path.throughput * through / pass : Spectrum(0);
     }
+    if (!found || is_black(path.throughput)) break;
 
-    const bool seen_by_camera = path.depth == 0;
-    if (!found) {
-      if (seen_by_camera && settings_.hide_emitters) break;
-      for (const uint32_t light : world_->environments())
-        radiance += path.throughput * world_->lights().light(light).emitted(path.ray.direction, nullptr) *
-                    emitter_weight(path, light, path.ray.direction, nullptr);
-      break;
-    }
+    if (!surface) surface = scene.interaction(path.ray, hit);
+    if (!lit_before_distance && lit && may_scatter())
+      radiance += path.throughput * direct_light(*surface, path.ray.direction, path.medium, random, counters);
 
-    const scene::SurfaceInteraction surface = scene.interaction(path.ray, hit);
-    const uint32_t light = world_->light_of_hit(surface.shape, surface.primitive);
-    if (light != transport::SceneLights::no_light && !(seen_by_camera && settings_.hide_emitters)) {
-      const Spectrum emitted = world_->lights().light(light).emitted(path.ray.direction, &surface);
-      if (!is_black(emitted))
-        radiance += path.throughput * emitted * emitter_weight(path, light, path.ray.direction, &surface);
-    }
-
-    const transport::Bsdf& bsdf = world_->bsdf(surface.shape);
-    const ShadingPoint point = transport::World::shading_point(surface);
+    const transport::Bsdf& bsdf = world_->bsdf(surface->shape);
+    const ShadingPoint point = transport::World::shading_point(*surface);
     const Vec3f wo = point.frame.to_local(-path.ray.direction);
-    const LightReceiver receiver{
-        surface.position,
-        bsdf.transmits() ? Vec3f(0) : (wo.z > 0 ? surface.shading_normal : -surface.shading_normal),
-        path.medium == scene::none ? 0 : world_->medium(path.medium).mean_sigma_t};
-    if (bsdf.has_smooth_lobes() && may_scatter() && world_->lights().size() > 0)
-      radiance += path.throughput * direct_light(receiver, surface, point, wo, path.medium, random, counters);
-
     const float u_lobe = random.next_float();
     const std::optional<BsdfSample> sample = bsdf.sample(point, wo, u_lobe, random.next_vec2());
-    if (!sample || is_black(sample->weight)) break;
+    if (!sample) break;
     path.throughput *= sample->weight;
     if (is_black(path.throughput)) break;
-    const Vec3f direction = sample->null ? path.ray.direction : point.frame.to_world(sample->wi);
+    const Vec3f direction =
+        sample->null ? path.ray.direction : glm::normalize(point.frame.to_world(sample->wi));
     if (sample->null) {
       if (++null_events > most_null_events) break;
     } else {
@@ -249,12 +272,12 @@ Spectrum VolumetricPathTracer::radiance(const Ray& camera_ray, RandomStream& ran
       path.eta *= sample->eta;
       path.last = sample->delta ? Path::Last::specular : Path::Last::surface;
       path.last_pdf = sample->pdf;
-      path.last_position = surface.position;
-      path.last_receiver = receiver;
+      path.last_position = surface->position;
+      path.last_receiver = receiver_at(*surface, bsdf, wo.z, path.medium);
       if (!survives_roulette(path, random)) break;
     }
-    path.medium = world_->medium_beyond(surface, direction, path.medium);
-    path.ray = {surface.spawn_origin(direction), glm::normalize(direction), infinity};
+    path.medium = world_->medium_beyond(*surface, direction, path.medium);
+    path.ray = {surface->spawn_origin(direction), direction, infinity};
   }
   return radiance;
 }

@@ -28,9 +28,13 @@ class VolumetricPathTracer final : public Integrator {
 
   Spectrum in_scattered(const Path& path, const transport::MediumSegment& segment, int32_t samples,
                         RandomStream& random, RayCounters& counters) const;
-  Spectrum direct_light(const transport::LightReceiver& receiver, const scene::SurfaceInteraction& surface,
-                        const transport::ShadingPoint& point, const Vec3f& wo, int32_t medium,
+  /// Light reflected at `surface` towards where the ray came from, by next-event estimation.
+  Spectrum direct_light(const scene::SurfaceInteraction& surface, const Vec3f& ray_direction, int32_t medium,
                         RandomStream& random, RayCounters& counters) const;
+  transport::LightReceiver receiver_at(const scene::SurfaceInteraction& surface, const transport::Bsdf& bsdf,
+                                       float cos_viewer, int32_t medium) const;
+  /// Emission met by the path's ray, weighted by MIS: of `surface`, or of the environment when null.
+  Spectrum emission(const Path& path, const scene::SurfaceInteraction* surface) const;
   float emitter_weight(const Path& path, uint32_t light, const Vec3f& direction,
                        const scene::SurfaceInteraction* hit) const;
   bool survives_roulette(Path& path, RandomStream& random) const;

@@ -8,8 +8,12 @@ namespace {
 
 /// Nodes by angle seen from the light (they crowd where a near light peaks) and by transmittance (they crowd
 /// near the origin in thick media). Ends are shared.
-constexpr int angle_nodes = 6;
-constexpr int transmittance_nodes = 4;
+struct NodeCounts {
+  int angle;
+  int transmittance;
+};
+constexpr NodeCounts coarse_nodes{4, 3};
+constexpr NodeCounts fine_nodes{6, 4};
 /// Share of the density spread evenly over the nodes' mean, so that what the table can't see (a lobe between
 /// nodes, the plane of a one-sided light) is still sampled.
 constexpr float even_share = 0.08f;
@@ -39,7 +43,8 @@ float segment_importance(const MediumSegment& segment, const Light& light, float
   return value * glm::dot(segment.channel_weights, medium.sigma_s * transmittance(medium.sigma_t, t));
 }
 
-DistanceTable::DistanceTable(const MediumSegment& segment, const Light& light) {
+DistanceTable::DistanceTable(const MediumSegment& segment, const Light& light, Resolution resolution) {
+  const NodeCounts nodes = resolution == Resolution::fine ? fine_nodes : coarse_nodes;
   const MediumInfo& medium = *segment.medium;
   float least_sigma = medium.mean_sigma_t;
   for (int channel = 0; channel < 3; ++channel) {
@@ -57,15 +62,23 @@ DistanceTable::DistanceTable(const MediumSegment& segment, const Light& light) {
     const float nearest = glm::dot(to_center, segment.direction);
     const Vec3f offset = to_center - segment.direction * nearest;
     const float height = std::fmax(std::fmax(glm::length(offset), 0.5f * bounds.radius), 1e-4f * end);
-    const float first = std::atan2(-nearest, height);
-    const float last = std::atan2(end - nearest, height);
-    for (int i = 1; i < angle_nodes; ++i) {
-      const float angle = first + (last - first) * (static_cast<float>(i) / angle_nodes);
-      by_angle[static_cast<size_t>(angle_count++)] = nearest + height * std::tan(angle);
+    // Unit vectors from the light's side to both ends, in (height, along); nodes lie on the chords between
+    // them and, where the nearest point lies inside, the middle direction (1, 0): nearly even in angle,
+    // without trigonometry.
+    const Vec2f first = glm::normalize(Vec2f(height, -nearest));
+    const Vec2f last = glm::normalize(Vec2f(height, end - nearest));
+    const bool inside = nearest > 0 && nearest < end;
+    for (int i = 1; i < nodes.angle; ++i) {
+      const float share = static_cast<float>(i) / static_cast<float>(nodes.angle);
+      const Vec2f middle(1, 0);
+      const Vec2f towards = !inside        ? first + (last - first) * share
+                            : share < 0.5f ? first + (middle - first) * (2 * share)
+                                           : middle + (last - middle) * (2 * share - 1);
+      by_angle[static_cast<size_t>(angle_count++)] = nearest + height * (towards.y / towards.x);
     }
   }
   std::array<float, most_nodes> by_transmittance{};
-  const int steps = light.at_infinity() ? angle_nodes + transmittance_nodes : transmittance_nodes;
+  const int steps = light.at_infinity() ? nodes.angle + nodes.transmittance : nodes.transmittance;
   const float sigma = medium.mean_sigma_t;
   const float opacity = -std::expm1(-sigma * end);
   for (int i = 1; i < steps; ++i) {

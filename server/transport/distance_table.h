@@ -13,7 +13,9 @@ namespace fogbank::transport {
 
 class DistanceTable {
  public:
-  DistanceTable(const MediumSegment& segment, const Light& light);
+  enum class Resolution : uint8_t { coarse, fine };  ///< 7 or 11 nodes
+
+  DistanceTable(const MediumSegment& segment, const Light& light, Resolution resolution);
 
   /// False when no light from this source can arrive anywhere along the segment.
   bool can_contribute() const { return total_ > 0; }

@@ -9,7 +9,6 @@ namespace fogbank::transport {
 
 namespace {
 
-constexpr uint32_t leaf_size = 4;
 /// Optical distances count for choosing lights only up to here: the proxy knows neither holes nor the end of
 /// the fog.
 constexpr float most_optical_distance = 4.0f;
@@ -252,17 +251,18 @@ uint32_t LightSampler::build(uint32_t first, uint32_t count, uint32_t depth, uin
 template <typename Place>
 LightSampler::Top LightSampler::top_of(const Place& place) const {
   Top top;
-  for (size_t i = 0; i < infinite_.size(); ++i)
-    top.total += top.weights[i] = light_importance(place, *lights_[infinite_[i]]);
-  if (!nodes_.empty()) {
-    float& tree = top.weights[infinite_.size()];
-    // A single leaf is judged by its lights themselves, not by their bounds.
-    if (nodes_[0].count > 0) {
-      for (uint32_t i = 0; i < nodes_[0].count; ++i) tree += light_importance(place, *lights_[order_[i]]);
-    } else {
-      tree = bounds_importance(place, nodes_[0].bounds);
-    }
-    top.total += tree;
+  const auto add = [&top](float importance) { top.total += top.weights[top.count++] = importance; };
+  const size_t finite = is_flat() ? order_.size() : 1;
+  if (infinite_.size() + finite == 1 && is_flat()) {
+    // The only light there is: nothing to weigh.
+    add(1);
+    return top;
+  }
+  for (const uint32_t index : infinite_) add(light_importance(place, *lights_[index]));
+  if (is_flat()) {
+    for (const uint32_t index : order_) add(light_importance(place, *lights_[index]));
+  } else {
+    add(bounds_importance(place, nodes_[0].bounds));
   }
   if (!std::isfinite(top.total)) top.total = 0;
   return top;
@@ -272,10 +272,10 @@ template <typename Place>
 std::optional<LightChoice> LightSampler::choose_at(const Place& place, float& u) const {
   const Top top = top_of(place);
   if (!(top.total > 0)) return std::nullopt;
-  const size_t infinite = infinite_.size();
-  const size_t chosen = pick(top.weights.data(), infinite + 1, top.total, u);
+  const size_t chosen = pick(top.weights.data(), top.count, top.total, u);
   float probability = top.weights[chosen] / top.total;
-  if (chosen < infinite) return LightChoice{infinite_[chosen], probability};
+  if (chosen < infinite_.size()) return LightChoice{infinite_[chosen], probability};
+  if (is_flat()) return LightChoice{order_[chosen - infinite_.size()], probability};
   const Node* node = nodes_.data();
   while (node->count == 0) {
     const Node* left = node + 1;
@@ -301,13 +301,17 @@ template <typename Place>
 float LightSampler::probability_at(const Place& place, uint32_t light) const {
   const Top top = top_of(place);
   if (!(top.total > 0)) return 0;
-  const size_t infinite = infinite_.size();
   if (lights_[light]->at_infinity()) {
-    for (size_t i = 0; i < infinite; ++i)
+    for (size_t i = 0; i < infinite_.size(); ++i)
       if (infinite_[i] == light) return top.weights[i] / top.total;
     return 0;
   }
-  float probability = top.weights[infinite] / top.total;
+  if (is_flat()) {
+    for (size_t i = 0; i < order_.size(); ++i)
+      if (order_[i] == light) return top.weights[infinite_.size() + i] / top.total;
+    return 0;
+  }
+  float probability = top.weights[infinite_.size()] / top.total;
   const Node* node = nodes_.data();
   uint64_t trail = trails_[light];
   while (node->count == 0) {

@@ -53,9 +53,13 @@ class LightSampler {
     uint32_t count = 0;  ///< leaf: number of lights; inner: 0
   };
 
-  /// Importance of each light at infinity, then of the tree.
+  static constexpr uint32_t leaf_size = 4;
+
+  /// What the choice begins with: every light at infinity, then the tree, or the tree's lights themselves
+  /// where it is a single leaf.
   struct Top {
-    std::array<float, most_infinite_lights + 1> weights{};
+    std::array<float, most_infinite_lights + leaf_size> weights{};
+    size_t count = 0;
     float total = 0;
   };
 
@@ -66,6 +70,8 @@ class LightSampler {
   template <typename Place>
   float probability_at(const Place& place, uint32_t light) const;
   uint32_t build(uint32_t first, uint32_t count, uint32_t depth, uint64_t trail);
+
+  bool is_flat() const { return nodes_.empty() || nodes_[0].count > 0; }
 
   std::vector<LightPointer> lights_;
   std::vector<uint32_t> infinite_;

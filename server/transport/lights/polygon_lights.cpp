@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "core/fast_math.h"
 #include "core/sampling.h"
 
 namespace fogbank::transport {
@@ -204,7 +205,7 @@ float RectangleLight::fluence(const Vec3f& x) const {
   if (distance_squared > 64 * area && distance_squared > 64 * std::fmax(sqr(width_), sqr(height_)))
     return mean_luminance_ * area * h / (distance_squared * std::sqrt(distance_squared));
   const auto corner_term = [h](float cx, float cy) {
-    return std::atan(cx * cy / (h * std::sqrt(cx * cx + cy * cy + h * h)));
+    return fast_atan(cx * cy / (h * std::sqrt(cx * cx + cy * cy + h * h)));
   };
   const float omega = corner_term(x1, y1) - corner_term(x0, y1) - corner_term(x1, y0) + corner_term(x0, y0);
   return mean_luminance_ * std::fmax(omega, 1e-7f);

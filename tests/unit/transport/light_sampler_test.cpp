@@ -146,7 +146,7 @@ TEST(DistanceTable, DensityIntegratesToOneAndIsTheSamples) {
       const Vec3f x = 6.0f * Vec3f(random.next_float(), random.next_float(), random.next_float()) - 3.0f;
       const MediumSegment segment{x, square_to_uniform_sphere(random.next_vec2()), 5, &medium,
                                   Vec3f(0.2f, 0.5f, 0.3f)};
-      const DistanceTable table(segment, *light);
+      const DistanceTable table(segment, *light, tested % 2 == 0 ? DistanceTable::Resolution::fine : DistanceTable::Resolution::coarse);
       if (!table.can_contribute()) continue;
       ++tested;
       constexpr int bins = 64;
@@ -188,7 +188,7 @@ TEST(DistanceTable, FollowsTheImportance) {
   const MediumInfo medium = fog(Spectrum(0.1f));
   const PointLight light(Vec3f(0.2f, 0, 2), Spectrum(1));
   const MediumSegment segment{Vec3f(0), Vec3f(0, 0, 1), 6, &medium, Vec3f(1.0f / 3)};
-  const DistanceTable table(segment, light);
+  const DistanceTable table(segment, light, DistanceTable::Resolution::fine);
   double integral = 0;
   double relative_variance = 0;
   constexpr int steps = 200000;
