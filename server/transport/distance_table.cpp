@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "core/fast_math.h"
+
 namespace fogbank::transport {
 
 namespace {
@@ -12,35 +14,74 @@ struct NodeCounts {
   int angle;
   int transmittance;
 };
-constexpr NodeCounts coarse_nodes{4, 3};
-constexpr NodeCounts fine_nodes{6, 4};
+/// With both ends 8 and 16 nodes: whole vector registers.
+constexpr NodeCounts coarse_nodes{4, 4};
+constexpr NodeCounts fine_nodes{9, 7};
 /// Share of the density spread evenly over the nodes' mean, so that what the table can't see (a lobe between
 /// nodes, the plane of a one-sided light) is still sampled.
 constexpr float even_share = 0.08f;
 /// Beyond this optical distance nothing of a segment is tabulated (exp(-16) = 1e-7, below float's resolution
 /// of the sum).
 constexpr float most_optical_distance = 16.0f;
+/// The box is larger than the medium and the light's own fog may end sooner: never discount by more than
+/// exp(-4).
+constexpr float most_optical_distance_to_light = 4.0f;
 
 }  // namespace
 
-float segment_importance(const MediumSegment& segment, const Light& light, float t) {
+void segment_importance(const MediumSegment& segment, const Light& light, const float* t, int count,
+                        float* values) {
   const MediumInfo& medium = *segment.medium;
-  const Vec3f x = segment.origin + segment.direction * t;
-  float value = light.fluence(x);
-  if (value == 0) return 0;
-  const Vec3f to_light = light.direction_from(x);
-  if (!medium.phase.is_isotropic() && to_light != Vec3f(0))
-    value *= 4 * pi * medium.phase.evaluate(segment.direction, -to_light);
-  float light_distance = 0;
+  light.fluence_along(segment.origin, segment.direction, t, count, values);
+  const bool isotropic = medium.phase.is_isotropic();
+  const float sigma = medium.mean_sigma_t;
   if (!light.at_infinity()) {
-    light_distance = std::fmax(0.0f, glm::length(light.bounds().center - x) - light.bounds().radius);
-  } else if (to_light != Vec3f(0)) {
-    light_distance = medium.extent.exit_distance(x, to_light);
+    const LightBounds& bounds = light.bounds();
+    const Vec3f to_center = bounds.center - segment.origin;
+    const float nearest = glm::dot(to_center, segment.direction);
+    const Vec3f offset = to_center - segment.direction * nearest;
+    const float height_squared = glm::dot(offset, offset);
+    const float radius = bounds.radius;
+    for (int i = 0; i < count; ++i) {
+      const float along = nearest - t[i];
+      const float distance = std::sqrt(height_squared + along * along);
+      const float to_light = distance > radius ? sigma * (distance - radius) : 0.0f;
+      values[i] *= fast_exp_negative(
+          -(to_light < most_optical_distance_to_light ? to_light : most_optical_distance_to_light));
+    }
+    if (!isotropic) {
+      for (int i = 0; i < count; ++i) {
+        const float along = nearest - t[i];
+        const float distance = std::sqrt(height_squared + along * along);
+        // Seen from within its sphere a light has no one direction: the lobe is flattened towards its mean.
+        const float cosine = distance > radius ? along / distance : 0.0f;
+        values[i] *= 4 * pi * medium.phase.evaluate_cosine(cosine);
+      }
+    }
+  } else {
+    const Vec3f to_light = light.direction_from(segment.origin);
+    if (to_light != Vec3f(0)) {
+      const float phase =
+          isotropic ? 1.0f : 4 * pi * medium.phase.evaluate_cosine(glm::dot(segment.direction, to_light));
+      for (int i = 0; i < count; ++i) {
+        const float optical =
+            sigma * medium.extent.exit_distance(segment.origin + segment.direction * t[i], to_light);
+        values[i] *=
+            phase * fast_exp_negative(-(
+                        optical < most_optical_distance_to_light ? optical : most_optical_distance_to_light));
+      }
+    }
   }
-  // The box is larger than the medium and the light's own fog may end sooner: never discount by more than
-  // exp(-4).
-  value *= std::exp(-std::fmin(medium.mean_sigma_t * light_distance, 4.0f));
-  return value * glm::dot(segment.channel_weights, medium.sigma_s * transmittance(medium.sigma_t, t));
+  if (medium.grey) {
+    const float scattered = glm::dot(segment.channel_weights, medium.sigma_s);
+    for (int i = 0; i < count; ++i) values[i] *= scattered * fast_exp_negative(-sigma * t[i]);
+  } else {
+    const Vec3f scattered = segment.channel_weights * medium.sigma_s;
+    for (int i = 0; i < count; ++i)
+      values[i] *= scattered.x * fast_exp_negative(-medium.sigma_t.x * t[i]) +
+                   scattered.y * fast_exp_negative(-medium.sigma_t.y * t[i]) +
+                   scattered.z * fast_exp_negative(-medium.sigma_t.z * t[i]);
+  }
 }
 
 DistanceTable::DistanceTable(const MediumSegment& segment, const Light& light, Resolution resolution) {
@@ -78,13 +119,13 @@ DistanceTable::DistanceTable(const MediumSegment& segment, const Light& light, R
     }
   }
   std::array<float, most_nodes> by_transmittance{};
-  const int steps = light.at_infinity() ? nodes.angle + nodes.transmittance : nodes.transmittance;
+  const int steps = light.at_infinity() ? nodes.angle + nodes.transmittance - 1 : nodes.transmittance;
   const float sigma = medium.mean_sigma_t;
-  const float opacity = -std::expm1(-sigma * end);
+  const float opacity = 1 - fast_exp_negative(-sigma * end);
   for (int i = 1; i < steps; ++i) {
     const float share = static_cast<float>(i) / static_cast<float>(steps);
     by_transmittance[static_cast<size_t>(i - 1)] =
-        opacity > 1e-3f ? -std::log1p(-opacity * share) / sigma : end * share;
+        opacity > 1e-3f ? -std::log(1 - opacity * share) / sigma : end * share;
   }
   std::array<float, most_nodes> merged{};
   std::merge(by_angle.begin(), by_angle.begin() + angle_count, by_transmittance.begin(),
@@ -99,11 +140,14 @@ DistanceTable::DistanceTable(const MediumSegment& segment, const Light& light, R
   }
   position_[static_cast<size_t>(count_++)] = end;
 
+  // Up to whole registers; what is computed past the last node is not used.
+  const int padded = (count_ + 7) / 8 * 8;
+  for (int i = count_; i < padded; ++i) position_[static_cast<size_t>(i)] = end;
+  segment_importance(segment, light, position_.data(), padded, value_.data());
   bool any = false;
   float area = 0;
   for (int i = 0; i < count_; ++i) {
     const auto k = static_cast<size_t>(i);
-    value_[k] = segment_importance(segment, light, position_[k]);
     any = any || value_[k] > 0;
     if (i > 0) area += 0.5f * (value_[k - 1] + value_[k]) * (position_[k] - position_[k - 1]);
   }

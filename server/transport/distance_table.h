@@ -13,7 +13,7 @@ namespace fogbank::transport {
 
 class DistanceTable {
  public:
-  enum class Resolution : uint8_t { coarse, fine };  ///< 7 or 11 nodes
+  enum class Resolution : uint8_t { coarse, fine };  ///< 8 or 16 nodes
 
   DistanceTable(const MediumSegment& segment, const Light& light, Resolution resolution);
 
@@ -27,7 +27,7 @@ class DistanceTable {
   float pdf(float t) const;
 
  private:
-  static constexpr int most_nodes = 12;
+  static constexpr int most_nodes = 16;
 
   int count_ = 0;                             ///< nodes
   std::array<float, most_nodes> position_{};  ///< ascending
@@ -36,7 +36,8 @@ class DistanceTable {
   float total_ = 0;
 };
 
-/// Importance of a light at a point of a segment: what the table tabulates.
-float segment_importance(const MediumSegment& segment, const Light& light, float t);
+/// What the table tabulates: importance of a light at `count` distances `t` along a segment.
+void segment_importance(const MediumSegment& segment, const Light& light, const float* t, int count,
+                        float* values);
 
 }  // namespace fogbank::transport

@@ -48,6 +48,11 @@ class Light {
   /// proxy Mhat * 4 pi of ratio-records.md section 1, exact or approximate. 0 only where no light can arrive.
   virtual float fluence(const Vec3f& x) const = 0;
 
+  /// `fluence` at `count` points origin + t direction: what tables along rays are made of, in one call so
+  /// that the loop over points can run in vector registers.
+  virtual void fluence_along(const Vec3f& origin, const Vec3f& direction, const float* t, int count,
+                             float* values) const;
+
   virtual bool is_delta() const { return false; }
   virtual bool at_infinity() const { return false; }
   /// Meaningful for lights at a finite place only.

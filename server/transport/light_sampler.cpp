@@ -5,6 +5,7 @@
 #include <string>
 
 #include "core/error.h"
+#include "core/fast_math.h"
 namespace fogbank::transport {
 
 namespace {
@@ -90,7 +91,7 @@ float along_segment(const MediumSegment& segment, const LightBounds& bounds) {
   const float sigma = segment.medium->mean_sigma_t;
   // In thick media only the first few free paths count.
   const float end = sigma > 0 ? std::fmin(segment.length, 4 / sigma) : segment.length;
-  const float angle = std::atan2(end - nearest, height) - std::atan2(-nearest, height);
+  const float angle = fast_atan((end - nearest) / height) + fast_atan(nearest / height);
   const float t = std::clamp(nearest, 0.0f, end);
   const float to_light = std::fmax(glm::length(to_center - segment.direction * t) - bounds.radius, 0.0f);
   return std::fmax(angle, 1e-7f) / std::fmax(height, std::numeric_limits<float>::min()) *
@@ -109,7 +110,9 @@ float light_importance(const MediumSegment& segment, const Light& light) {
     // One node at the middle of what transmittance lets through.
     const float opacity = -std::expm1(-sigma * end);
     const float middle = opacity > 1e-3f ? -std::log1p(-0.5f * opacity) / sigma : 0.5f * end;
-    return segment_importance(segment, light, middle) * end;
+    float importance = 0;
+    segment_importance(segment, light, &middle, 1, &importance);
+    return importance * end;
   }
   // Three nodes decide what the light's orientation lets through; 0 only when it faces away from both ends,
   // and the bounds' closed form supplies the peak near the light.
@@ -127,7 +130,7 @@ float light_importance(const MediumSegment& segment, const Light& light) {
   const Vec3f towards = light.direction_from(segment.origin + segment.direction * nearest);
   float phase = 1;
   if (!segment.medium->phase.is_isotropic() && towards != Vec3f(0))
-    phase = 0.25f + 4 * pi * segment.medium->phase.evaluate(segment.direction, -towards);
+    phase = 0.25f + 4 * pi * segment.medium->phase.evaluate(segment.direction, towards);
   return bounds.intensity * along_segment(segment, bounds) * (share / 3 + 0.02f) * phase *
          glm::dot(segment.channel_weights, segment.medium->sigma_s);
 }

@@ -37,6 +37,11 @@ class PhaseFunction {
     const Vec3f chord = g_ > 0.0f ? outgoing - incoming : outgoing + incoming;
     return evaluate_offset(0.5f * glm::dot(chord, chord));
   }
+  /// The same for a cosine between the directions; loses digits where |g| and |cos| are near 1, so for
+  /// importances only.
+  float evaluate_cosine(float cosine) const {
+    return evaluate_offset(g_ >= 0.0f ? 1.0f - cosine : 1.0f + cosine);
+  }
   /// Density of `sample`: the phase function itself.
   float pdf(const Vec3f& incoming, const Vec3f& outgoing) const { return evaluate(incoming, outgoing); }
   /// `u`: canonical random numbers.

@@ -190,25 +190,46 @@ float RectangleLight::pdf(const Vec3f& x, const Vec3f& direction,
 }
 
 float RectangleLight::fluence(const Vec3f& x) const {
-  // The four corner terms atan(X Y / (h r)) of ratio-records.md section 1: exact and free of the cancellation
-  // that the angle excess suffers.
-  const Vec3f d = corner_ - x;
-  const float h = -glm::dot(d, frame_.normal);
-  if (!(h > 0)) return 0;
-  const float x0 = glm::dot(d, frame_.tangent);
-  const float y0 = glm::dot(d, frame_.bitangent);
-  const float x1 = x0 + width_;
-  const float y1 = y0 + height_;
-  const float distance_squared = sqr(h) + sqr(0.5f * (x0 + x1)) + sqr(0.5f * (y0 + y1));
-  const float area = width_ * height_;
-  // Far away the differences of atan cancel; there the small-source form is exact to (size / distance)^2.
-  if (distance_squared > 64 * area && distance_squared > 64 * std::fmax(sqr(width_), sqr(height_)))
-    return mean_luminance_ * area * h / (distance_squared * std::sqrt(distance_squared));
-  const auto corner_term = [h](float cx, float cy) {
-    return fast_atan(cx * cy / (h * std::sqrt(cx * cx + cy * cy + h * h)));
-  };
-  const float omega = corner_term(x1, y1) - corner_term(x0, y1) - corner_term(x1, y0) + corner_term(x0, y0);
-  return mean_luminance_ * std::fmax(omega, 1e-7f);
+  constexpr float at_origin = 0;
+  float value = 0;
+  fluence_along(x, Vec3f(0), &at_origin, 1, &value);
+  return value;
+}
+
+void RectangleLight::fluence_along(const Vec3f& origin, const Vec3f& direction, const float* t, int count,
+                                   float* values) const {
+  // The four corner terms atan(X Y / (h r)) of ratio-records.md section 1, exact up to the error of
+  // fast_atan. Far away the differences of atan cancel; there the small-source form is used, off by (size /
+  // distance)^2 / 4.
+  const Vec3f d = corner_ - origin;
+  const Vec3f start(glm::dot(d, frame_.tangent), glm::dot(d, frame_.bitangent), -glm::dot(d, frame_.normal));
+  const Vec3f step(-glm::dot(direction, frame_.tangent), -glm::dot(direction, frame_.bitangent),
+                   glm::dot(direction, frame_.normal));
+  const float width = width_;
+  const float height = height_;
+  const float area = width * height;
+  const float far_squared = 64 * (width > height ? width * width : height * height);
+  const float radiance = mean_luminance_;
+  for (int i = 0; i < count; ++i) {
+    const float x0 = start.x + t[i] * step.x;
+    const float y0 = start.y + t[i] * step.y;
+    const float h = start.z + t[i] * step.z;
+    const float x1 = x0 + width;
+    const float y1 = y0 + height;
+    const float h2 = h * h;
+    const float middle_x = 0.5f * (x0 + x1);
+    const float middle_y = 0.5f * (y0 + y1);
+    const float distance_squared = h2 + middle_x * middle_x + middle_y * middle_y;
+    const float small_source = area * h / (distance_squared * std::sqrt(distance_squared));
+    const float a = fast_atan(x1 * y1 / (h * std::sqrt(x1 * x1 + y1 * y1 + h2)));
+    const float b = fast_atan(x0 * y1 / (h * std::sqrt(x0 * x0 + y1 * y1 + h2)));
+    const float c = fast_atan(x1 * y0 / (h * std::sqrt(x1 * x1 + y0 * y0 + h2)));
+    const float e = fast_atan(x0 * y0 / (h * std::sqrt(x0 * x0 + y0 * y0 + h2)));
+    const float corners = a - b - c + e;
+    const float near = corners > 1e-7f ? corners : 1e-7f;
+    const float omega = distance_squared > far_squared ? small_source : near;
+    values[i] = h > 0 ? radiance * omega : 0.0f;
+  }
 }
 
 }  // namespace fogbank::transport

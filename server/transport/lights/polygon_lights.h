@@ -35,6 +35,8 @@ class RectangleLight final : public AreaLight {
   std::optional<LightSample> sample(const Vec3f& x, const Vec2f& u) const override;
   float pdf(const Vec3f& x, const Vec3f& direction, const scene::SurfaceInteraction* hit) const override;
   float fluence(const Vec3f& x) const override;
+  void fluence_along(const Vec3f& origin, const Vec3f& direction, const float* t, int count,
+                     float* values) const override;
 
  private:
   /// The rectangle in a frame at x (Urena, Fajardo and King 2013, "An Area-Preserving Parametrization for
