@@ -20,7 +20,7 @@ namespace fogbank::integrators {
 struct IntegratorSettings {
   int32_t max_depth =
       -1;  ///< path length in edges, as Mitsuba's: 1 = emitted light only, 2 = one bounce; -1 = unbounded
-  int32_t rr_depth = 5;  ///< Russian roulette from this depth on
+  int32_t rr_depth = 2;  ///< Russian roulette by throughput from this depth on
   bool hide_emitters = false;
 };
 

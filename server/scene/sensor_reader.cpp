@@ -233,7 +233,9 @@ void read_integrator(const ObjectDescription& description, RenderDefaults& defau
                        " is replaced by 'volpath'");
   constexpr int64_t deepest = std::numeric_limits<int32_t>::max();
   defaults.max_depth = static_cast<int32_t>(reader.integer("max_depth", defaults.max_depth, -1, deepest));
-  defaults.rr_depth = static_cast<int32_t>(reader.integer("rr_depth", defaults.rr_depth, 1, deepest));
+  // Where roulette begins changes how fast an image converges, not the image; files carry their exporter's
+  // default, tuned for other estimators, so only a job's own setting counts here.
+  reader.integer("rr_depth", defaults.rr_depth, 1, deepest);
   defaults.hide_emitters = reader.boolean("hide_emitters", defaults.hide_emitters);
   reader.finish(&warnings);
 }
