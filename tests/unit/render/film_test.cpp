@@ -1,0 +1,133 @@
+#include "render/film.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "function_integrator.h"
+
+namespace fogbank::render {
+namespace {
+
+struct Moments {
+  double mean = 0;
+  double variance_estimate = 0;
+};
+
+// Of an image whose samples are uniform in [0, 1): mean 1/2, variance of one sample 1/12.
+Moments uniform_image(int32_t samples) {
+  const Image image = render_function(
+      small_settings(128, 128, samples), 2,
+      [](const Ray&, RandomStream& random, RayCounters&) { return Spectrum(random.next_float()); });
+  Moments moments;
+  for (size_t i = 0; i < image.rgb.size(); i += 3) {
+    moments.mean += static_cast<double>(image.rgb[i]) / (128.0 * 128.0);
+    moments.variance_estimate += static_cast<double>(image.variance[i]) / (128.0 * 128.0);
+  }
+  return moments;
+}
+
+// Odd numbers make halves of different size.
+class HalfBuffers : public testing::TestWithParam<int32_t> {};
+
+TEST_P(HalfBuffers, EstimateTheVarianceOfTheMean) {
+  const Moments moments = uniform_image(GetParam());
+  const double variance = 1.0 / 12.0 / GetParam();
+  constexpr double pixels = 128.0 * 128.0;
+  // 4.42 standard errors: two-sided p = 1e-5. The square of a normal variable of variance v has variance 2
+  // v^2; sums of uniform variables have lighter tails, hence less.
+  EXPECT_NEAR(moments.mean, 0.5, 4.42 * std::sqrt(variance / pixels));
+  EXPECT_NEAR(moments.variance_estimate, variance, 4.42 * variance * std::sqrt(2.0 / pixels));
+}
+
+INSTANTIATE_TEST_SUITE_P(SampleCounts, HalfBuffers, testing::Values(2, 3, 7, 16));
+
+TEST(Film, OneSampleHasNoVariance) {
+  EXPECT_EQ(uniform_image(1).variance_estimate, 0.0);
+  EXPECT_EQ(PixelSums{}.mean(0), Vec3d(0));
+}
+
+TEST(Film, SumsDoNotLoseSmallSamples) {
+  PixelSums sums;
+  sums.add(0, Spectrum(1e9f));
+  constexpr uint32_t samples = 1u << 20;
+  for (uint32_t i = 1; i < samples; ++i) sums.add(i, Spectrum(1.0f));
+  EXPECT_DOUBLE_EQ(sums.mean(samples).x, (1e9 + samples - 1) / samples);
+}
+
+TEST(Film, PixelsAreFiniteAndNotDenormal) {
+  EXPECT_EQ(to_pixel(1e-42), 0.0f);
+  EXPECT_EQ(to_pixel(1e300), std::numeric_limits<float>::max());
+  EXPECT_EQ(to_pixel(0.1), 0.1f);
+  // The square of the largest float is beyond it.
+  const Image image =
+      render_function(small_settings(8, 8, 4), 1, [](const Ray&, RandomStream& random, RayCounters&) {
+        return Spectrum(random.next_float() < 0.5f ? std::numeric_limits<float>::max() : 0.0f);
+      });
+  for (const float value : image.variance) EXPECT_TRUE(std::isfinite(value));
+}
+
+TEST(Film, InvalidSamplesAreBlackAndCounted) {
+  constexpr float bad[] = {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(),
+                           -1.0f};
+  for (const float value : bad) {
+    RenderJob job(function_integrator([&](const Ray&, RandomStream& random, RayCounters&) {
+                    return random.next_float() < 0.25f ? Spectrum(1, value, 1) : Spectrum(1);
+                  }),
+                  small_settings(16, 16, 8));
+    run_to_completion(job, 2);
+    const Image image = job.image();
+    double sum = 0;
+    for (size_t i = 0; i < image.rgb.size(); ++i) {
+      ASSERT_TRUE(std::isfinite(image.rgb[i]) && std::isfinite(image.variance[i]));
+      sum += static_cast<double>(image.rgb[i]);
+    }
+    const uint64_t invalid = job.progress().invalid_samples;
+    EXPECT_GT(invalid, 0u);
+    // Sums of ones are exact.
+    EXPECT_EQ(sum * 8, 3.0 * static_cast<double>(16 * 16 * 8 - invalid));
+  }
+}
+
+TEST(RelativeNoise, FollowsItsFormula) {
+  RenderJob job(function_integrator([](const Ray&, RandomStream& random, RayCounters&) {
+                  return Spectrum(random.next_float());
+                }),
+                small_settings(128, 128, 64));
+  EXPECT_FALSE(job.relative_noise().has_value());
+  run_to_completion(job, 2);
+  // L = M = 1/2 but for the noise: sqrt(1 / 12 / 64) / (0.5 + 0.05). Without the largest 0.1 % the sum of
+  // squares of normal variables lacks 1.2 % (0.6 % of the root); the rest is the statistical error of the
+  // root, 4.42 / sqrt(2 * 16384) = 2.4 %, and the noise in L itself, which is second order.
+  EXPECT_NEAR(job.relative_noise().value(), std::sqrt(1.0 / 12 / 64) / 0.55, 0.035 * 0.0657);
+}
+
+TEST(RelativeNoise, IsNotDecidedByFireflies) {
+  // Every pixel has the mean 1. The standard error is 1/8 but in the few fireflies, where it is 1.
+  const auto noise = [](size_t fireflies) {
+    TileFilm tile;
+    tile.samples = 2;
+    tile.pixels.resize(16384);
+    for (size_t i = 0; i < tile.pixels.size(); ++i) {
+      const float error = i < fireflies ? 1.0f : 0.125f;
+      tile.pixels[i].add(0, Spectrum(1 + error));
+      tile.pixels[i].add(1, Spectrum(1 - error));
+    }
+    return relative_noise({&tile});
+  };
+  // 1e-6: the squares are floats.
+  EXPECT_NEAR(noise(0), 0.125 / 1.1, 1e-6);
+  EXPECT_NEAR(noise(16), 0.125 / 1.1, 1e-6) << "0.1 % of the pixels";
+  EXPECT_NEAR(noise(116), std::sqrt((100.0 + 16268 * 0.125 * 0.125) / 16368) / 1.1, 1e-6);
+}
+
+TEST(RelativeNoise, BlackImageHasNone) {
+  RenderJob job(function_integrator([](const Ray&, RandomStream&, RayCounters&) { return Spectrum(0); }),
+                small_settings(16, 16, 4));
+  run_to_completion(job, 1);
+  EXPECT_FALSE(job.relative_noise().has_value());
+}
+
+}  // namespace
+}  // namespace fogbank::render
