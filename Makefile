@@ -36,7 +36,7 @@ install: build ## link the fogbank command into PREFIX/bin (default /usr/local)
 	@echo "fogbank: linked as $(DESTDIR)$(PREFIX)/bin/fogbank"
 
 bench: build ## the figures of the README: speed against Mitsuba 3, streaming, start-up
-	@$(python) tests/bench/run.py
+	@$(python) -m tests.bench.run
 
 soak: build ## the long tests: many jobs, clients that come and go, faults
 	@$(python) -m pytest tests -m soak

@@ -1,0 +1,120 @@
+// fogbank_bench: the engine without the service, for measurements. Reads one JSON command a line from
+// standard input and answers each with one JSON line; tests/bench/run.py drives it.
+//
+//   {"command": "load", "scene": path, "parameters": {name: text}}
+//   {"command": "render", "width", "height", "samples_per_pixel", "max_depth", "seed", "threads", "output":
+//   path}
+//
+// `render` takes the reconstruction filter box whatever the scene says, since Mitsuba weights the samples of
+// neighbouring pixels with any other, and its pixels are not independent then. `output` is an EXR file of
+// floats.
+#include <dlfcn.h>
+
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include "../embree_probe.h"
+#include "render/exr.h"
+#include "render/render_to_image.h"
+#include "scene/loader.h"
+#include "transport/world.h"
+
+namespace fogbank {
+namespace {
+
+using Json = nlohmann::json;
+
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+class Bench {
+ public:
+  Json answer(const Json& command) {
+    const auto name = command.at("command").get<std::string>();
+    if (name == "load") return load(command);
+    if (name == "render") return render(command);
+    throw std::runtime_error("unknown command " + name);
+  }
+
+ private:
+  Json load(const Json& command) {
+    const std::filesystem::path path = command.at("scene").get<std::string>();
+    scene::LoadOptions options;
+    options.parameters = command.value("parameters", std::map<std::string, std::string>{});
+    world_.reset();
+    auto start = std::chrono::steady_clock::now();
+    auto scene = scene::load_scene(path.filename(), scene::folder_source(path.parent_path()), options);
+    const double load_seconds = seconds_since(start);
+    const scene::LoadTimes times = scene->load_times;
+    start = std::chrono::steady_clock::now();
+    world_ = std::make_shared<transport::World>(std::move(scene));
+    return {{"load_seconds", load_seconds},
+            {"parse_seconds", times.parse},
+            {"mesh_seconds", times.meshes},
+            {"texture_seconds", times.textures},
+            {"acceleration_seconds", times.acceleration},
+            {"world_seconds", seconds_since(start)},
+            {"triangles", world_->scene().triangle_count()}};
+  }
+
+  Json render(const Json& command) {
+    if (!world_) throw std::runtime_error("load a scene first");
+    render::RenderSettings settings;
+    settings.sensor = world_->scene().sensor;
+    settings.film.width = command.at("width");
+    settings.film.height = command.at("height");
+    settings.film.crop = {0, 0, settings.film.width, settings.film.height};
+    settings.film.filter = scene::ReconstructionFilter::box;
+    settings.film.filter_radius = 0.5f;
+    settings.samples_per_pixel = command.at("samples_per_pixel");
+    settings.integrator_settings.max_depth = command.at("max_depth");
+    settings.integrator_settings.rr_depth = world_->scene().defaults.rr_depth;
+    settings.seed = command.at("seed");
+    render::RenderJob job(world_, settings);
+    const auto take = reinterpret_cast<EmbreeProbeTake*>(dlsym(RTLD_DEFAULT, embree_probe_take_name));
+    if (take != nullptr) take();  // what was counted before
+    render::run_to_completion(job, command.at("threads"));
+    const render::Progress progress = job.progress();
+    Json answer{{"cpu_seconds", progress.cpu_seconds}, {"wall_seconds", progress.render_seconds},
+                {"samples", progress.samples_done},    {"rays", progress.rays},
+                {"passes", progress.passes_done},      {"invalid_samples", progress.invalid_samples}};
+    if (const auto noise = job.relative_noise()) answer["relative_noise"] = *noise;
+    if (take != nullptr) {
+      const EmbreeProbe probe = take();
+      answer["embree"] = {{"rays", probe.rays},
+                          {"seconds", probe.seconds},
+                          {"replayed_rays", probe.replayed_rays},
+                          {"replay_seconds", probe.replay_seconds}};
+    }
+    if (const auto output = command.value("output", std::string()); !output.empty()) {
+      const std::string bytes = encode_image(job.image(), render::PixelType::single_float, false, {});
+      if (!(std::ofstream(output, std::ios::binary) << bytes))
+        throw std::runtime_error("can't write " + output);
+    }
+    return answer;
+  }
+
+  std::shared_ptr<const transport::World> world_;
+};
+
+}  // namespace
+}  // namespace fogbank
+
+int main() {
+  fogbank::Bench bench;
+  std::string line;
+  while (std::getline(std::cin, line)) {
+    fogbank::Json answer;
+    try {
+      answer = bench.answer(fogbank::Json::parse(line));
+    } catch (const std::exception& error) {
+      answer = {{"error", error.what()}};
+    }
+    std::cout << answer.dump() << std::endl;
+  }
+}

@@ -1,0 +1,90 @@
+"""Measures what the README promises, prints tables and writes out/bench/*.json.
+
+    python -m tests.bench.run [comparison] [embree] [loading] [serving]      all of them by default
+
+Figures depend on the machine and on what else it does; ratios, of runs that take turns, much less. See the modules for
+what exactly is measured.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from tests.bench import comparison, embree_share, engines, loading, serving
+
+
+def processor() -> str:
+    """Its name, as far as the system tells."""
+    for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+        if line.startswith("model name"):
+            return line.partition(":")[2].strip()
+    return platform.machine()
+
+
+def save(name: str, results: Any) -> None:  # noqa: ANN401 - JSON
+    """Writes out/bench/<name>.json."""
+    engines.OUTPUT.mkdir(parents=True, exist_ok=True)
+    record = {
+        "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "processor": processor(),
+        "cores": os.cpu_count(),
+        "load_average": os.getloadavg(),
+        "results": results,
+    }
+    (engines.OUTPUT / f"{name}.json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+
+
+def main() -> None:
+    """Runs the parts that were asked for."""
+    arguments = argparse.ArgumentParser(description="Fogbank's benchmarks")
+    arguments.add_argument("parts", nargs="*", metavar="PART", help="comparison, embree, loading, serving")
+    arguments.add_argument("--scene", action="append", help="only this scene (comparison, embree)")
+    arguments.add_argument("--spp", type=int, default=16, help="samples per pixel of a round")
+    arguments.add_argument("--rounds", type=int, default=8, help="rounds of the comparison")
+    arguments.add_argument("--threads", type=int, default=os.cpu_count(), help="threads of Fogbank's engine")
+    options = arguments.parse_args()
+    cases = [case for case in comparison.cases() if not options.scene or case.name in options.scene]
+
+    def run_comparison() -> str:
+        results = [comparison.compare(case, options.spp, options.rounds, options.threads) for case in cases]
+        save("comparison", results)
+        return comparison.table(results)
+
+    def run_embree() -> str:
+        results = [embree_share.measure(case, options.spp) for case in cases]
+        save("embree", results)
+        return embree_share.table(results)
+
+    def run_loading() -> str:
+        result = loading.measure(rounds=5)
+        save("loading", result)
+        return loading.table(result)
+
+    def run_serving() -> str:
+        result = serving.measure(cases[0], options.spp)
+        save("serving", result)
+        return serving.table(result)
+
+    parts: dict[str, Callable[[], str]] = {
+        "comparison": run_comparison,
+        "embree": run_embree,
+        "loading": run_loading,
+        "serving": run_serving,
+    }
+    unknown = set(options.parts) - set(parts)
+    if unknown:
+        arguments.error(f"unknown part {', '.join(sorted(unknown))}; one of: {', '.join(parts)}")
+    print(f"{processor()}, {os.cpu_count()} cores, load average {os.getloadavg()[0]:.1f}")
+    for name in options.parts or parts:
+        print(f"\n== {name}\n{parts[name]()}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
