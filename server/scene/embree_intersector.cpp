@@ -171,7 +171,9 @@ ScenePointer Intersector::Implementation::new_scene() {
   ScenePointer scene(rtcNewScene(device.get()));
   check();
   // Robust: the edge tests of two triangles agree on a shared edge, so that closed meshes are closed for
-  // rays.
+  // rays. Of a million rays aimed at edges of a closed mesh none gets out, where 45 000 do without; it costs
+  // 8 to 25 % of the ray rate (two scenes of 100 000 triangles). A higher build quality changes nothing in
+  // this mode: Embree has no builder with spatial splits for it.
   rtcSetSceneFlags(scene.get(), RTC_SCENE_FLAG_ROBUST);
   rtcSetSceneBuildQuality(scene.get(), RTC_BUILD_QUALITY_MEDIUM);
   return scene;
