@@ -113,19 +113,26 @@ Vec2f MicrofacetDistribution::sample_beckmann_slope(float cos_theta, const Vec2f
   const float u_x = std::clamp(u.x, edge, 1.0f - edge);
   const float target = u_x * total;
 
-  // Exact at theta = pi / 2, where the CDF is exp(-x^2), and close elsewhere.
+  // Halley's method, kept inside a shrinking bracket. It starts from the solution at theta = 0 or pi / 2,
+  // where the CDF is 1 + t or exp(-x^2). Its error falls with the third power, so a small step is the last
+  // one.
   float low = -1.0f;
   float high = highest;
-  float t = highest - (1.0f + highest) * std::erf(std::sqrt(-std::log(u_x)));
+  float t =
+      cotangent > 1.0f ? 2.0f * u_x - 1.0f : highest - (1.0f + highest) * std::erf(std::sqrt(-std::log(u_x)));
   for (int iteration = 0; iteration < 12; ++iteration) {
-    if (!(t > low && t < high)) t = 0.5f * (low + high);
+    if (!(t >= low && t <= high)) t = 0.5f * (low + high);
     const float x = inverse_erf(std::clamp(t, -1.0f + 1e-7f, 1.0f - 1e-7f));
-    const float excess = flat * (1.0f + t) + tilted * inv_sqrt_pi * std::exp(-x * x) - target;
-    if (std::fabs(excess) < 2e-7f * total) break;
+    const float gaussian = std::exp(-x * x);
+    const float excess = flat * (1.0f + t) + tilted * inv_sqrt_pi * gaussian - target;
     (excess > 0.0f ? high : low) = t;
-    t -= excess / (flat - tilted * x);
+    const float slope = flat - tilted * x;
+    const float curvature = -0.5f * tilted / (inv_sqrt_pi * gaussian);
+    const float step = excess / (slope - 0.5f * excess * curvature / slope);
+    t -= step;
+    if (std::fabs(step) < 0.03f * std::fmin(1.0f + t, highest - t)) break;
   }
-  if (!(t > low && t < high)) t = 0.5f * (low + high);
+  if (!(t >= low && t <= high)) t = 0.5f * (low + high);
   const float y = std::clamp(2.0f * u.y - 1.0f, -1.0f + edge, 1.0f - edge);
   return {-inverse_erf(std::clamp(t, -1.0f + 1e-7f, 1.0f - 1e-7f)), inverse_erf(y)};
 }
