@@ -72,8 +72,16 @@ class Canonical {
 std::string radiance_fingerprint(const std::vector<ObjectPointer>& objects, ContentHashes& hashes) {
   Canonical canonical(hashes);
   std::vector<std::string> parts;
-  for (const ObjectPointer& object : objects)
+  bool has_sensor = false;
+  for (const ObjectPointer& object : objects) {
     if (object->tag == "shape" || object->tag == "emitter") parts.push_back(canonical.hash(object));
+    if (object->tag != "sensor" || has_sensor) continue;
+    has_sensor = true;
+    for (const Property& property : object->properties)
+      if (const auto* nested = std::get_if<ObjectPointer>(&property.value);
+          nested && (*nested)->tag == "medium")
+        parts.push_back("camera in " + canonical.hash(*nested));
+  }
   std::sort(parts.begin(), parts.end());
   Sha256 digest;
   Canonical::add(digest, format);

@@ -228,7 +228,8 @@ void read_integrator(const ObjectDescription& description, RenderDefaults& defau
     return read_integrator(*wrapped.front(), defaults, warnings);
   }
   const std::string& type = description.type;
-  if (type != "volpath" && type != "volpathmis" && type != "path")
+  const bool is_replaced = type != "volpath" && type != "volpathmis" && type != "path";
+  if (is_replaced)
     warnings.push_back(description.where.to_string() + ": integrator " + quote(type) +
                        " is replaced by 'volpath'");
   constexpr int64_t deepest = std::numeric_limits<int32_t>::max();
@@ -237,7 +238,8 @@ void read_integrator(const ObjectDescription& description, RenderDefaults& defau
   // default, tuned for other estimators, so only a job's own setting counts here.
   reader.integer("rr_depth", defaults.rr_depth, 1, deepest);
   defaults.hide_emitters = reader.boolean("hide_emitters", defaults.hide_emitters);
-  reader.finish(&warnings);
+  // The parameters of another integrator say nothing about this one.
+  if (!is_replaced) reader.finish(&warnings);
 }
 
 }  // namespace fogbank::scene

@@ -11,20 +11,24 @@ constexpr size_t longest_quote = 100;
 /// Longer names are not compared: edit distance is quadratic.
 constexpr size_t longest_compared = 64;
 
-/// Levenshtein distance by the two-row dynamic programme.
+/// Insertions, deletions, substitutions and swaps of neighbours from `a` to `b` (optimal string alignment).
 size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<size_t> before_last(b.size() + 1);
+  std::vector<size_t> last(b.size() + 1);
   std::vector<size_t> row(b.size() + 1);
-  for (size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (size_t j = 0; j <= b.size(); ++j) last[j] = j;
   for (size_t i = 1; i <= a.size(); ++i) {
-    size_t diagonal = row[0];
     row[0] = i;
     for (size_t j = 1; j <= b.size(); ++j) {
-      const size_t substituted = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({row[j] + 1, row[j - 1] + 1, substituted});
+      const size_t substituted = last[j - 1] + (a[i - 1] == b[j - 1] ? 0 : 1);
+      row[j] = std::min({row[j - 1] + 1, last[j] + 1, substituted});
+      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
+        row[j] = std::min(row[j], before_last[j - 2] + 1);
     }
+    std::swap(before_last, last);
+    std::swap(last, row);
   }
-  return row[b.size()];
+  return last[b.size()];
 }
 
 }  // namespace
@@ -63,7 +67,7 @@ std::string list_names(std::vector<std::string> names) {
 std::string did_you_mean(std::string_view name, const std::vector<std::string>& candidates) {
   if (name.size() > longest_compared) return "";
   // A third of the letters wrong is no longer a slip of the pen.
-  size_t best = std::max<size_t>(1, name.size() / 3) + 1;
+  size_t best = name.size() / 3 + 1;
   const std::string* nearest = nullptr;
   for (const std::string& candidate : candidates) {
     if (candidate.size() > longest_compared) continue;

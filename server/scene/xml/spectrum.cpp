@@ -87,7 +87,7 @@ Spectrum reflectance_to_srgb(const SampledSpectrum& spectrum) {
   const Vec3d colour = xyz_to_srgb(
       integrate([&](double wavelength) { return d65(wavelength) * evaluate(spectrum, wavelength); }));
   const double largest = *std::max_element(spectrum.values.begin(), spectrum.values.end());
-  return Spectrum(glm::clamp(colour / white, Vec3d(0), Vec3d(std::max(largest, 0.0))));
+  return Spectrum(glm::clamp(colour / white, Vec3d(0), Vec3d(std::max(largest, 1.0))));
 }
 
 Spectrum equal_energy_white() { return Spectrum(xyz_to_srgb(Vec3d(1))); }

@@ -48,7 +48,8 @@ TEST(ReconstructionFilters, SecondMoments) {
 }
 
 TEST(ReconstructionFilters, ExtremeNumbersStayInside) {
-  for (const auto filter : {ReconstructionFilter::box, ReconstructionFilter::tent, ReconstructionFilter::gaussian})
+  for (const auto filter :
+       {ReconstructionFilter::box, ReconstructionFilter::tent, ReconstructionFilter::gaussian})
     for (const float u : {0.0f, 0x1p-24f, 0.5f, one_minus_epsilon}) {
       const Film film = film_with(filter, 2.0f);
       const Vec2f offset = sample_filter_offset(film, {u, u});
@@ -66,7 +67,8 @@ TEST(HorizontalFov, EveryAxis) {
   EXPECT_NEAR(horizontal_fov(40, "smaller", 1.5), horizontal_fov(40, "y", 1.5), 1e-12);
   EXPECT_NEAR(horizontal_fov(40, "larger", 0.75), horizontal_fov(40, "y", 0.75), 1e-12);
   // 3 : 4 : 5
-  EXPECT_NEAR(std::tan(horizontal_fov(40, "diagonal", 4.0 / 3) * degree / 2), 0.8 * std::tan(20 * degree), 1e-12);
+  EXPECT_NEAR(std::tan(horizontal_fov(40, "diagonal", 4.0 / 3) * degree / 2), 0.8 * std::tan(20 * degree),
+              1e-12);
 }
 
 }  // namespace
