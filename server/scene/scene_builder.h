@@ -42,6 +42,8 @@ class SceneBuilder {
   int32_t group(const ObjectPointer& description);
   int32_t add_mesh(PropertyReader& reader, const Mat4d& to_world);
   Mesh read_mesh_file(PropertyReader& reader);
+  /// Area in world space.
+  double light_area(const Shape& shape) const;
 
   Scene& scene_;
   const FileSource& files_;

@@ -15,6 +15,8 @@ namespace fogbank::scene {
 namespace {
 
 constexpr double largest_coordinate = 1e15;
+/// Densities per area are floats: their reciprocal must stay far from infinity.
+constexpr double smallest_light_area = 1e-30;
 
 const std::vector<std::string>& shape_types() {
   static const std::vector<std::string> types = {"cube", "cylinder",  "disk",       "instance",   "obj",
@@ -102,6 +104,22 @@ void SceneBuilder::add_instance(const ObjectPointer& description) {
   scene_.instances.push_back(instance);
 }
 
+double SceneBuilder::light_area(const Shape& shape) const {
+  constexpr double pi_exactly = 3.14159265358979323846;
+  const glm::dmat3 m(shape.to_world);
+  switch (shape.kind) {
+    case ShapeKind::triangle_mesh:
+      return surface_area(scene_.meshes[static_cast<size_t>(shape.mesh)]);
+    case ShapeKind::sphere:
+      return 4 * pi_exactly * glm::dot(m[0], m[0]);
+    case ShapeKind::disk:
+      return pi_exactly * glm::length(glm::cross(m[0], m[1]));
+    case ShapeKind::cylinder:
+      return 2 * pi_exactly * glm::length(m[0]) * glm::length(m[2]);
+  }
+  return 0;
+}
+
 void SceneBuilder::add_surface(const ObjectPointer& description, int32_t group) {
   PropertyReader reader(*description);
   Shape shape;
@@ -143,8 +161,8 @@ void SceneBuilder::add_surface(const ObjectPointer& description, int32_t group) 
     if (group != none)
       throw SceneError(ErrorKind::unsupported, "INSTANCED_EMITTER_UNSUPPORTED", emitters.front()->where,
                        "shapes in a shapegroup can't be lights");
-    if (shape.mesh != none && !(surface_area(scene_.meshes[static_cast<size_t>(shape.mesh)]) > 0))
-      reader.fail("ZERO_AREA_LIGHT", "the shape is a light and has no area");
+    if (!(light_area(shape) > smallest_light_area))
+      reader.fail("ZERO_AREA_LIGHT", "the shape is a light and has (almost) no area");
     // One entry per shape: lights that share a description are still several lights.
     shape.emitter = static_cast<int32_t>(scene_.emitters.size());
     scene_.emitters.push_back(emitters.front());
