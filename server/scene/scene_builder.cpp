@@ -1,6 +1,7 @@
 #include "scene/scene_builder.h"
 
 #include "scene/medium_reader.h"
+#include "scene/text.h"
 
 namespace fogbank::scene {
 
@@ -42,6 +43,16 @@ int32_t SceneBuilder::medium(const ObjectPointer& description) {
 
 void SceneBuilder::add_emitter(const ObjectPointer& description) {
   if (shape_emitters_.count(description) == 0) scene_.emitters.push_back(description);
+}
+
+void SceneBuilder::unknown_plugin(const ObjectDescription& description,
+                                  const std::vector<std::string>& supported, const std::string& substitute) {
+  const std::string what = description.tag + " " + quote(description.type);
+  if (!scene_.lenient)
+    throw SceneError(ErrorKind::invalid_argument, "UNKNOWN_PLUGIN", description.where,
+                     what + " is not supported; supported: " + list_names(supported) +
+                         did_you_mean(description.type, supported));
+  scene_.warnings.push_back(description.where.to_string() + ": " + what + " " + substitute);
 }
 
 }  // namespace fogbank::scene

@@ -32,6 +32,12 @@ class SceneBuilder {
   /// Adds an emitter that stands for itself, unless a shape refers to it.
   void add_emitter(const ObjectPointer& description);
 
+  /// Refuses a plugin, naming the supported ones; when loading leniently it warns that `substitute` ("is
+  /// replaced by
+  /// ...", "is left out") and returns.
+  void unknown_plugin(const ObjectDescription& description, const std::vector<std::string>& supported,
+                      const std::string& substitute);
+
   Scene& scene() { return scene_; }
   /// Where unknown parameters go: null when loading strictly, so that they are errors.
   std::vector<std::string>* lenient_warnings() { return scene_.lenient ? &scene_.warnings : nullptr; }

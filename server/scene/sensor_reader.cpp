@@ -101,15 +101,12 @@ void read_filter(const ObjectDescription& description, Film& film, SceneBuilder&
   } else if (description.type == "mitchell" || description.type == "catmullrom" ||
              description.type == "lanczos") {
     // Filters with negative lobes can't be sampled with equal positive weights.
-    film.filter = ReconstructionFilter::gaussian;
-    film.filter_stddev = 0.5f;
-    film.filter_radius = 2.0f;
     builder.scene().warnings.push_back(description.where.to_string() + ": filter " + quote(description.type) +
                                        " is replaced by 'gaussian'");
     return;
   } else {
-    reader.fail("UNKNOWN_PLUGIN", "filter " + quote(description.type) +
-                                      " is not supported; supported: box, " + "gaussian, tent");
+    builder.unknown_plugin(description, {"box", "gaussian", "tent"}, "is replaced by 'gaussian'");
+    return;
   }
   reader.finish(builder.lenient_warnings());
 }
@@ -122,8 +119,7 @@ void read_film(const ObjectDescription& description, SceneBuilder& builder) {
     warnings.push_back(description.where.to_string() +
                        ": 'ldrfilm' is read as 'hdrfilm': pixels stay linear");
   else if (description.type != "hdrfilm")
-    reader.fail("UNKNOWN_PLUGIN",
-                "film " + quote(description.type) + " is not supported; supported: hdrfilm");
+    builder.unknown_plugin(description, {"hdrfilm"}, "is read as 'hdrfilm'");
   film.width = static_cast<int32_t>(reader.integer("width", 768, 1, largest_side));
   film.height = static_cast<int32_t>(reader.integer("height", 576, 1, largest_side));
   film.crop.x = static_cast<int32_t>(reader.integer("crop_offset_x", 0, 0, largest_side));
@@ -182,8 +178,8 @@ void read_sensor(const ObjectDescription& description, SceneBuilder& builder) {
   else if (description.type == "orthographic")
     sensor.kind = SensorKind::orthographic;
   else
-    reader.fail("UNKNOWN_PLUGIN", "sensor " + quote(description.type) +
-                                      " is not supported; supported: orthographic, perspective, thinlens");
+    builder.unknown_plugin(description, {"orthographic", "perspective", "thinlens"},
+                           "is replaced by 'perspective'");
 
   const std::vector<ObjectPointer> films = reader.children("film");
   if (films.size() > 1) reader.fail("DUPLICATE_PARAMETER", "a sensor has one <film>");

@@ -1,4 +1,5 @@
 // `<shape>` elements: the part of SceneBuilder that makes shapes, groups and instances.
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <glm/gtc/matrix_transform.hpp>
@@ -121,6 +122,9 @@ double SceneBuilder::light_area(const Shape& shape) const {
 }
 
 void SceneBuilder::add_surface(const ObjectPointer& description, int32_t group) {
+  const std::vector<std::string>& types = shape_types();
+  if (std::find(types.begin(), types.end(), description->type) == types.end())
+    return unknown_plugin(*description, types, "is left out");
   PropertyReader reader(*description);
   Shape shape;
   shape.id = description->id;
@@ -179,11 +183,8 @@ int32_t SceneBuilder::add_mesh(PropertyReader& reader, const Mat4d& to_world) {
     mesh = rectangle_mesh();
   else if (type == "cube")
     mesh = cube_mesh();
-  else if (type == "obj" || type == "ply" || type == "serialized")
-    mesh = read_mesh_file(reader);
   else
-    reader.fail("UNKNOWN_PLUGIN", "shape " + quote(type) + " is not supported; supported: " +
-                                      list_names(shape_types()) + did_you_mean(type, shape_types()));
+    mesh = read_mesh_file(reader);
   triangle_count_ += mesh.triangles.size();
   if (triangle_count_ > LoadLimits::triangles)
     throw SceneError(ErrorKind::resource_exhausted, "TOO_MANY_TRIANGLES", reader.object().where,

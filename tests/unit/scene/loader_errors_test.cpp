@@ -331,7 +331,7 @@ INSTANTIATE_TEST_SUITE_P(
                   "s.xml:2: <film type=\"vrfilm\">: film 'vrfilm' is not supported; supported: hdrfilm"},
         ErrorCase{"<sensor type='perspective'><film type='hdrfilm'><rfilter type='sinc'/></film></sensor>",
                   "UNKNOWN_PLUGIN",
-                  "s.xml:2: <rfilter type=\"sinc\">: filter 'sinc' is not supported; supported: box, "
+                  "s.xml:2: <rfilter type=\"sinc\">: rfilter 'sinc' is not supported; supported: box, "
                   "gaussian, tent"},
         ErrorCase{"<sensor type='perspective'><sampler type='independent'><integer name='sample_count' "
                   "value='0'/></sampler></sensor>",

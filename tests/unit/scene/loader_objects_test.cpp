@@ -282,6 +282,24 @@ TEST(LoaderSensor, WrappedIntegrators) {
                                                       "'moment' is passed over for the one within it"});
 }
 
+TEST(LoaderLenient, UnknownPluginsAreSubstituted) {
+  TemporaryFolder folder;
+  folder.write("scene.xml", R"(<scene version="3.0.0"><shape type="torus"/><shape type="cube"/>
+      <sensor type="fisheye"><film type="vrfilm"><rfilter type="sinc"/></film></sensor></scene>)");
+  LoadOptions options;
+  options.lenient = true;
+  const auto scene = load_scene("scene.xml", folder.source(), options);
+  EXPECT_EQ(scene->shapes.size(), 1u);
+  EXPECT_EQ(scene->sensor.kind, SensorKind::perspective);
+  EXPECT_EQ(scene->film.filter, ReconstructionFilter::gaussian);
+  EXPECT_EQ(scene->warnings,
+            (std::vector<std::string>{
+                "scene.xml:1: <shape type=\"torus\">: shape 'torus' is left out",
+                "scene.xml:2: <sensor type=\"fisheye\">: sensor 'fisheye' is replaced by 'perspective'",
+                "scene.xml:2: <film type=\"vrfilm\">: film 'vrfilm' is read as 'hdrfilm'",
+                "scene.xml:2: <rfilter type=\"sinc\">: rfilter 'sinc' is replaced by 'gaussian'"}));
+}
+
 std::string fingerprint(const std::string& body) { return load(body)->fingerprint; }
 
 TEST(Fingerprint, IsOfTheRadianceFieldOnly) {
