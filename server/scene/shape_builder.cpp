@@ -185,6 +185,11 @@ int32_t SceneBuilder::add_mesh(PropertyReader& reader, const Mat4d& to_world) {
     mesh = cube_mesh();
   else
     mesh = read_mesh_file(reader);
+  if (mesh.dropped_triangles > 0)
+    scene_.warnings.push_back(reader.object().where.to_string() + ": " +
+                              std::to_string(mesh.dropped_triangles) + " of " +
+                              std::to_string(mesh.dropped_triangles + mesh.triangles.size()) +
+                              " triangles have no area and are left out");
   triangle_count_ += mesh.triangles.size();
   if (triangle_count_ > LoadLimits::triangles)
     throw SceneError(ErrorKind::resource_exhausted, "TOO_MANY_TRIANGLES", reader.object().where,

@@ -328,7 +328,8 @@ INSTANTIATE_TEST_SUITE_P(
                   "of 768 x "
                   "576"},
         ErrorCase{"<sensor type='perspective'><film type='vrfilm'/></sensor>", "UNKNOWN_PLUGIN",
-                  "s.xml:2: <film type=\"vrfilm\">: film 'vrfilm' is not supported; supported: hdrfilm"},
+                  "s.xml:2: <film type=\"vrfilm\">: film 'vrfilm' is not supported; supported: hdrfilm; did "
+                  "you mean 'hdrfilm'?"},
         ErrorCase{"<sensor type='perspective'><film type='hdrfilm'><rfilter type='sinc'/></film></sensor>",
                   "UNKNOWN_PLUGIN",
                   "s.xml:2: <rfilter type=\"sinc\">: rfilter 'sinc' is not supported; supported: box, "

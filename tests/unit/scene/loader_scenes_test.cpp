@@ -29,11 +29,11 @@ const SharedScene shared_scenes[] = {
     {"data/analytic", "absorbing_slab.xml", 1, 12, 1, 1, 0},
     {"data/analytic", "furnace_surface_box.xml", 1, 12, 1, 0, 0},
     {"data/classroom", "scene.xml", 79, 103832, 1, 0, 10},
-    {"data/classroom", "scene_v3.xml", 79, 103832, 1, 0, 0},
-    {"data/classroom", "fog.xml", 80, 103832 + 12, 2, 1, 0},
-    {"data/staircase2", "scene.xml", 32, 30927, 13, 0, 2},
-    {"data/staircase2", "scene_v3.xml", 32, 30927, 13, 0, 0},
-    {"data/staircase2", "fog.xml", 29, 30927 - 4 * 2 + 12, 11, 1, 0},
+    {"data/classroom", "scene_v3.xml", 79, 103832, 1, 0, 1},
+    {"data/classroom", "fog.xml", 80, 103832 + 12, 2, 1, 1},
+    {"data/staircase2", "scene.xml", 32, 30927, 13, 0, 4},
+    {"data/staircase2", "scene_v3.xml", 32, 30927, 13, 0, 2},
+    {"data/staircase2", "fog.xml", 29, 30927 - 4 * 2 + 12, 11, 1, 2},
     {"data/statues", "room_fog.xml", 33, 0, 3, 1, 0},
     {"data/statues", "room_clear.xml", 32, 0, 3, 0, 0},
     {"data/mitsuba-tests", "tests/scenes/participating_media/test_homo_area_light_volpath.xml", 4, 0, 1, 1,
@@ -42,7 +42,7 @@ const SharedScene shared_scenes[] = {
      1},
     {"data/mitsuba-tests", "tests/scenes/participating_media/test_homo_obj_inside_medium_volpath.xml", 5, 0,
      1, 1, 1},
-    {"data/mitsuba-tests", "tests/scenes/participating_media/test_surf_area_light_volpath.xml", 3, 0, 2, 0,
+    {"data/mitsuba-tests", "tests/scenes/participating_media/test_surf_area_light_volpath.xml", 4, 0, 2, 0,
      1},
 };
 
@@ -55,7 +55,9 @@ TEST(SharedScenes, Load) {
     const auto scene = load_scene(expected.file, folder_source(root), {});
     EXPECT_EQ(scene->shapes.size(), expected.shapes);
     if (expected.triangles > 0) {
-      EXPECT_EQ(scene->triangle_count(), expected.triangles);
+      size_t without_area = 0;
+      for (const Mesh& mesh : scene->meshes) without_area += mesh.dropped_triangles;
+      EXPECT_EQ(scene->triangle_count() + without_area, expected.triangles);
     }
     EXPECT_EQ(scene->emitters.size(), expected.emitters);
     EXPECT_EQ(scene->media.size(), expected.media);
@@ -134,8 +136,9 @@ void load_all(const std::string& folder) {
     SCOPED_TRACE(entry.path().string());
     const auto files = folder_source(entry.path().parent_path().string());
     const auto scene = load_scene(entry.path().filename().string(), files, {});
-    // Ours are in the newest syntax, so there is nothing to warn of.
-    EXPECT_EQ(scene->warnings, std::vector<std::string>{});
+    // Ours are in the newest syntax; their generated meshes may have slivers.
+    for (const std::string& warning : scene->warnings)
+      EXPECT_NE(warning.find("have no area and are left out"), std::string::npos) << warning;
     for (const std::string& reference : list_references(entry.path().filename().string(), files, {}))
       EXPECT_TRUE(files->exists(reference)) << reference;
   }
