@@ -246,7 +246,7 @@ TEST(LoaderSensor, FilmAndSampler) {
   EXPECT_EQ(scene->sensor.focus_distance, 1e4);
   EXPECT_EQ(scene->defaults.samples_per_pixel, 32);
   EXPECT_EQ(scene->defaults.max_depth, 7);
-  EXPECT_EQ(scene->defaults.rr_depth, 3);
+  EXPECT_EQ(scene->defaults.rr_depth, 2);  // ours: where roulette starts changes the noise, not the image
   EXPECT_TRUE(scene->defaults.hide_emitters);
   EXPECT_TRUE(scene->warnings.empty());
 }
