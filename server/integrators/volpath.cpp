@@ -21,6 +21,12 @@ namespace {
 /// Samples of single scattering along the camera's own segments, where they decide the image's noise; one
 /// each later on.
 constexpr int32_t camera_in_scatter_samples = 2;
+/// Roulette keeps a path with twice its throughput: half the walls' and the fog's loss is carried as weight.
+/// Measured on the project's scenes, variance x time is lowest at 2 (1: 1.3 times, 4: 1.1 times). In almost
+/// lossless media a fixed loss at every event would cut long walks short and make their weights wild, so the
+/// cap only ends paths that never would.
+constexpr float roulette_scale = 2.0f;
+constexpr float most_survival = 0.999f;
 /// Null surfaces passed without a scattering event before a path is given up: a guard against surfaces that
 /// coincide.
 constexpr int32_t most_null_events = 1024;
@@ -163,7 +169,8 @@ float VolumetricPathTracer::emitter_weight(const Path& path, uint32_t light_inde
 
 bool VolumetricPathTracer::survives_roulette(Path& path, RandomStream& random) const {
   if (path.depth < settings_.rr_depth) return true;
-  const float survival = std::fmin(max_component(path.throughput) * sqr(path.eta), 0.95f);
+  const float survival =
+      std::fmin(roulette_scale * max_component(path.throughput) * sqr(path.eta), most_survival);
   if (!(random.next_float() < survival)) return false;
   path.throughput /= survival;
   return true;
