@@ -1,0 +1,69 @@
+// Every limit of the service, with its unit in the name or the type. GetCapabilities shows them all, from
+// `table`.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+namespace fogbank::service::limits {
+
+// Messages and uploads, bytes unless they say otherwise.
+inline constexpr int64_t max_request_bytes = 4 << 20;
+inline constexpr int64_t max_upload_chunk_bytes = 256 << 10;
+inline constexpr int64_t max_download_chunk_bytes = 256 << 10;
+inline constexpr int64_t max_tile_message_bytes = 256 << 10;
+inline constexpr int64_t max_blob_bytes = int64_t{2} << 30;
+inline constexpr int64_t max_scene_bytes = int64_t{16} << 30;
+inline constexpr int64_t max_manifest_files = 16384;
+inline constexpr int64_t max_path_bytes = 1024;
+inline constexpr int64_t max_parameters = 256;
+inline constexpr double blob_lifetime_seconds = 24 * 3600;
+inline constexpr double partial_upload_lifetime_seconds = 600;
+
+// Scenes.
+inline constexpr int64_t max_queued_scene_loads = 64;
+inline constexpr int64_t max_scenes = 1000;
+
+// Jobs.
+inline constexpr int64_t max_queued_jobs = 1000;
+inline constexpr int64_t max_kept_jobs = 10000;
+inline constexpr int64_t max_image_side = 16384;
+inline constexpr int64_t max_image_pixels = int64_t{1} << 27;
+inline constexpr int64_t max_samples_per_pixel = 1 << 20;
+inline constexpr int64_t max_path_depth = 1 << 20;
+inline constexpr double max_time_budget_seconds = 30.0 * 24 * 3600;
+inline constexpr int64_t min_tile_size = 8;
+inline constexpr int64_t max_tile_size = 128;
+inline constexpr int64_t default_tile_size = 32;
+inline constexpr double cancel_seconds = 0.2;
+
+// Lists.
+inline constexpr int64_t max_page_size = 200;
+inline constexpr int64_t default_page_size = 50;
+
+// Streams.
+inline constexpr int64_t max_watchers = 2000;
+inline constexpr double min_update_interval_seconds = 0.05;
+inline constexpr double default_update_interval_seconds = 1;
+inline constexpr double max_update_interval_seconds = 3600;
+inline constexpr double progress_interval_seconds = 0.5;
+inline constexpr double heartbeat_seconds = 10;
+inline constexpr double watch_stall_seconds = 60;
+/// Share of a job's render CPU time that encoding its intermediate tiles may cost.
+inline constexpr double streaming_share = 0.02;
+
+// Shutdown: for watchers to read their terminal events, and then for the streams to end.
+inline constexpr double drain_seconds = 5;
+inline constexpr double shutdown_seconds = 2;
+
+struct Entry {
+  const char* name;
+  double value;
+  const char* unit;
+  const char* description;
+};
+
+/// All limits that clients can meet.
+std::span<const Entry> table();
+
+}  // namespace fogbank::service::limits

@@ -1,0 +1,54 @@
+// Errors as the wire contract has them: canonical code, machine-readable reason, metadata, a message for
+// people.
+#pragma once
+
+#include <grpcpp/impl/codegen/status_code_enum.h>
+
+#include <exception>
+#include <map>
+#include <stdexcept>
+#include <string>
+
+#include "core/error.h"
+
+namespace grpc {
+class Status;
+}
+namespace google::rpc {
+class Status;
+}
+
+namespace fogbank::service {
+
+/// What an rpc fails with.
+class RpcError : public std::runtime_error {
+ public:
+  using Metadata = std::map<std::string, std::string>;
+
+  RpcError(grpc::StatusCode code, std::string reason, const std::string& message, Metadata metadata = {})
+      : std::runtime_error(message),
+        code_(code),
+        reason_(std::move(reason)),
+        metadata_(std::move(metadata)) {}
+
+  grpc::StatusCode code() const { return code_; }
+  const std::string& reason() const { return reason_; }
+  const Metadata& metadata() const { return metadata_; }
+
+ private:
+  grpc::StatusCode code_;
+  std::string reason_;
+  Metadata metadata_;
+};
+
+/// Any exception as an RpcError: the engine's errors keep their reason, a SceneError brings file, line and
+/// element as metadata; everything that is not a typed error is INTERNAL_ERROR.
+RpcError to_rpc_error(const std::exception_ptr& exception);
+
+/// As google.rpc.Status with one google.rpc.ErrorInfo of domain "fogbank".
+google::rpc::Status to_status_message(const RpcError& error);
+
+/// As the status of an rpc, the message above in its details.
+grpc::Status to_grpc_status(const RpcError& error);
+
+}  // namespace fogbank::service

@@ -1,0 +1,112 @@
+#include "service/scheduling/scheduler.h"
+
+#include <pthread.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace fogbank::service {
+
+Scheduler::Scheduler(int threads, std::function<void()> prepare_thread)
+    : prepare_thread_(std::move(prepare_thread)) {
+  threads_.reserve(static_cast<size_t>(threads));
+  for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { work(); });
+}
+
+Scheduler::~Scheduler() { close(); }
+
+void Scheduler::add(std::shared_ptr<Workload> workload) {
+  auto entry = std::make_shared<Entry>();
+  entry->workload = std::move(workload);
+  {
+    const std::lock_guard lock(mutex_);
+    if (!entries_.empty()) {
+      entry->head_start = (*std::ranges::min_element(entries_, {}, [](const auto& other) {
+                            return other->virtual_time();
+                          }))->virtual_time();
+    }
+    entries_.push_back(std::move(entry));
+  }
+  wake_.notify_all();
+}
+
+void Scheduler::remove(const Workload& workload) {
+  const std::lock_guard lock(mutex_);
+  std::erase_if(entries_, [&](const auto& entry) { return entry->workload.get() == &workload; });
+}
+
+void Scheduler::wake() {
+  // The lock makes sure that no thread is between its look at the workloads and its wait.
+  { const std::lock_guard lock(mutex_); }
+  wake_.notify_all();
+}
+
+int Scheduler::busy() const {
+  const std::lock_guard lock(mutex_);
+  return busy_;
+}
+
+double Scheduler::consumed_seconds(const Workload& workload) const {
+  const std::lock_guard lock(mutex_);
+  for (const auto& entry : entries_) {
+    if (entry->workload.get() == &workload) return entry->consumed;
+  }
+  return 0;
+}
+
+void Scheduler::close() {
+  {
+    const std::lock_guard lock(mutex_);
+    closed_ = true;
+  }
+  wake_.notify_all();
+  for (std::thread& thread : threads_) {
+    if (thread.joinable()) thread.join();
+  }
+}
+
+std::pair<std::shared_ptr<Scheduler::Entry>, std::function<void()>> Scheduler::take() {
+  // Ties go to the earlier arrival: stable order, no dependence on addresses.
+  std::vector<std::shared_ptr<Entry>> order = entries_;
+  std::ranges::stable_sort(order, {}, [](const auto& entry) { return entry->virtual_time(); });
+  for (const std::shared_ptr<Entry>& entry : order) {
+    if (entry->running >= entry->workload->max_threads()) continue;
+    if (std::function<void()> task = entry->workload->take()) return {entry, std::move(task)};
+  }
+  return {};
+}
+
+void Scheduler::work() {
+  pthread_setname_np(pthread_self(), "render");
+  prepare_thread_();
+  std::unique_lock lock(mutex_);
+  while (!closed_) {
+    auto [entry, task] = take();
+    if (!task) {
+      wake_.wait(lock);
+      continue;
+    }
+    ++entry->running;
+    ++busy_;
+    lock.unlock();
+    const Clock::time_point start = Clock::now();
+    task();
+    task = nullptr;
+    const double elapsed = to_seconds(Clock::now() - start);
+    lock.lock();
+    --entry->running;
+    --busy_;
+    entry->consumed += elapsed;
+    entry->last_task = elapsed;
+    // The end of a task may begin a new pass, which has tasks for everybody who waits.
+    wake_.notify_all();
+    if (entry.use_count() == 1) {
+      // Removed meanwhile; the workload's destructor may be long and may call the scheduler.
+      lock.unlock();
+      entry.reset();
+      lock.lock();
+    }
+  }
+}
+
+}  // namespace fogbank::service

@@ -1,0 +1,136 @@
+#include "service/scheduling/scheduler.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <semaphore>
+#include <thread>
+
+namespace fogbank::service {
+namespace {
+
+/// Tasks that spin for a fixed time, until `limit` were taken.
+class SpinningWorkload : public Workload {
+ public:
+  SpinningWorkload(Clock::duration task, int limit, int threads = 1000)
+      : task_(task), left_(limit), threads_(threads) {}
+
+  std::function<void()> take() override {
+    if (left_ == 0) return {};
+    --left_;
+    return [this] {
+      const int now_running = ++running_;
+      int most = most_running_.load();
+      while (now_running > most && !most_running_.compare_exchange_weak(most, now_running)) {
+      }
+      const Clock::time_point end = Clock::now() + task_;
+      while (Clock::now() < end) std::this_thread::yield();
+      --running_;
+      ++done_;
+    };
+  }
+  int max_threads() const override { return threads_; }
+  int done() const { return done_; }
+  int most_running() const { return most_running_; }
+
+ private:
+  Clock::duration task_;
+  int left_;
+  int threads_;
+  std::atomic<int> running_ = 0;
+  std::atomic<int> most_running_ = 0;
+  std::atomic<int> done_ = 0;
+};
+
+void wait_for(const std::function<bool()>& condition) {
+  while (!condition()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+}
+
+TEST(Scheduler, RunsEverythingOnPreparedThreads) {
+  static thread_local bool prepared = false;
+  std::atomic<int> unprepared = 0;
+  class Counting : public Workload {
+   public:
+    explicit Counting(std::atomic<int>& count) : count_(count) {}
+    std::function<void()> take() override {
+      if (left_ == 0) return {};
+      --left_;
+      return [this] {
+        if (!prepared) ++count_;
+        ++done;
+      };
+    }
+    std::atomic<int> done = 0;
+
+   private:
+    int left_ = 500;
+    std::atomic<int>& count_;
+  };
+  auto workload = std::make_shared<Counting>(unprepared);
+  Scheduler scheduler(3, [] { prepared = true; });
+  scheduler.add(workload);
+  wait_for([&] { return workload->done == 500; });
+  EXPECT_EQ(unprepared, 0);
+}
+
+// Eight workloads with task lengths of 1 : 8 get the same worker time. While all have work, the charged times
+// may differ by what is in flight: one longest task for each of the two threads, before and after.
+TEST(Scheduler, SharesWorkerTimeNotTasks) {
+  Scheduler scheduler(2, [] {});
+  std::vector<std::shared_ptr<SpinningWorkload>> workloads;
+  for (int i = 1; i <= 8; ++i) {
+    workloads.push_back(std::make_shared<SpinningWorkload>(std::chrono::milliseconds(i), 1'000'000));
+    scheduler.add(workloads.back());
+  }
+  std::vector<double> consumed(8, 0.0);
+  wait_for([&] {
+    for (size_t i = 0; i < 8; ++i) consumed[i] = scheduler.consumed_seconds(*workloads[i]);
+    return consumed[0] > 0.2;
+  });
+  for (const auto& workload : workloads) scheduler.remove(*workload);
+  double least = consumed[0];
+  double most = consumed[0];
+  for (const double seconds_of_one : consumed) {
+    least = std::min(least, seconds_of_one);
+    most = std::max(most, seconds_of_one);
+  }
+  // A task may be charged more than its length when the machine is busy, hence not 4 x 8 ms exactly.
+  EXPECT_GT(least, 0.5 * most);
+  EXPECT_GT(workloads[0]->done(), 2 * workloads[7]->done());
+}
+
+TEST(Scheduler, ALateWorkloadStartsLevel) {
+  Scheduler scheduler(1, [] {});
+  auto early = std::make_shared<SpinningWorkload>(std::chrono::milliseconds(1), 1'000'000);
+  scheduler.add(early);
+  wait_for([&] { return scheduler.consumed_seconds(*early) > 0.1; });
+  auto late = std::make_shared<SpinningWorkload>(std::chrono::milliseconds(1), 1'000'000);
+  const int before = early->done();
+  scheduler.add(late);
+  wait_for([&] { return late->done() >= 40; });
+  // Were the late one to catch up first, the early one would have had next to nothing.
+  EXPECT_GT(early->done() - before, 10);
+}
+
+TEST(Scheduler, RespectsTheThreadLimitOfAWorkload) {
+  Scheduler scheduler(4, [] {});
+  auto workload = std::make_shared<SpinningWorkload>(std::chrono::milliseconds(1), 60, 2);
+  scheduler.add(workload);
+  wait_for([&] { return workload->done() == 60; });
+  EXPECT_LE(workload->most_running(), 2);
+}
+
+TEST(Scheduler, RemovedWorkloadsGetNoFurtherTaskAndAreReleased) {
+  Scheduler scheduler(2, [] {});
+  auto workload = std::make_shared<SpinningWorkload>(std::chrono::milliseconds(1), 1'000'000);
+  const std::weak_ptr<SpinningWorkload> observer = workload;
+  scheduler.add(workload);
+  wait_for([&] { return workload->done() > 5; });
+  scheduler.remove(*workload);
+  workload.reset();
+  wait_for([&] { return observer.expired(); });
+  EXPECT_EQ(scheduler.busy(), 0);
+}
+
+}  // namespace
+}  // namespace fogbank::service
