@@ -22,7 +22,7 @@ std::span<const Entry> table() {
       {"max_queued_jobs", max_queued_jobs, "count", "jobs that have not ended"},
       {"max_kept_jobs", max_kept_jobs, "count", "jobs that have ended; the oldest go first"},
       {"max_image_side", max_image_side, "pixels", "width or height of the film"},
-      {"max_image_pixels", max_image_pixels, "pixels", "pixels of the film"},
+      {"max_image_pixels", max_image_pixels, "pixels", "pixels of the crop window"},
       {"max_samples_per_pixel", max_samples_per_pixel, "count", "samples per pixel"},
       {"max_path_depth", max_path_depth, "count", "max_depth and rr_depth"},
       {"max_time_budget_seconds", max_time_budget_seconds, "seconds", "time budget of a job"},

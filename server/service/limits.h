@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <span>
 
+#include "render/render_job.h"
+
 namespace fogbank::service::limits {
 
 // Messages and uploads, bytes unless they say otherwise.
@@ -27,13 +29,13 @@ inline constexpr int64_t max_scenes = 1000;
 // Jobs.
 inline constexpr int64_t max_queued_jobs = 1000;
 inline constexpr int64_t max_kept_jobs = 10000;
-inline constexpr int64_t max_image_side = 16384;
-inline constexpr int64_t max_image_pixels = int64_t{1} << 27;
-inline constexpr int64_t max_samples_per_pixel = 1 << 20;
-inline constexpr int64_t max_path_depth = 1 << 20;
-inline constexpr double max_time_budget_seconds = 30.0 * 24 * 3600;
-inline constexpr int64_t min_tile_size = 8;
-inline constexpr int64_t max_tile_size = 128;
+inline constexpr int64_t max_image_side = render::RenderLimits::film_side;
+inline constexpr int64_t max_image_pixels = render::RenderLimits::crop_pixels;
+inline constexpr int64_t max_samples_per_pixel = render::RenderLimits::samples_per_pixel;
+inline constexpr int64_t max_path_depth = render::RenderLimits::path_depth;
+inline constexpr double max_time_budget_seconds = render::RenderLimits::time_budget_seconds;
+inline constexpr int64_t min_tile_size = render::RenderLimits::smallest_tile;
+inline constexpr int64_t max_tile_size = render::RenderLimits::largest_tile;
 inline constexpr int64_t default_tile_size = 32;
 inline constexpr double cancel_seconds = 0.2;
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <chrono>
+#include <ctime>
 
 namespace fogbank::service {
 
@@ -13,5 +14,12 @@ inline Clock::duration seconds(double value) {
 }
 
 inline double to_seconds(Clock::duration value) { return std::chrono::duration<double>(value).count(); }
+
+/// CPU time that the calling thread has used.
+inline double thread_cpu_seconds() {
+  timespec time{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
 
 }  // namespace fogbank::service

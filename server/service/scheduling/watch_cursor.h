@@ -46,6 +46,7 @@ class WatchCursor {
 
   /// The watcher has everything up to this revision.
   uint64_t revision() const { return cursor_; }
+  bool wants_tiles() const { return options_.tiles; }
 
  private:
   /// The tile to send, if any may be sent now; else `retry_at` is lowered to when one may.

@@ -1,0 +1,96 @@
+// All jobs: creation, admission to the scheduler, listing, the folder of jobs.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <exception>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "service/job.h"
+#include "service/scene_registry.h"
+
+namespace fogbank::service {
+
+/// Jobs wait in the order of their creation until their films fit into the memory budget, and then share the
+/// scheduler. Thread-safe. Everything here may wait for the disk: not for gRPC reactions.
+class JobTable {
+ public:
+  struct Settings {
+    std::filesystem::path folder;
+    int64_t film_budget_bytes = 0;
+  };
+
+  /// Reads `folder`; what is damaged there is passed over with a log line.
+  JobTable(Settings settings, SceneRegistry& scenes, Scheduler& scheduler, TaskQueue& writer,
+           std::function<void()> changed);
+
+  /// Either the job or the error is set.
+  using Created = std::function<void(std::shared_ptr<Job> job, std::exception_ptr error)>;
+  /// Answers in this thread or in one of the scene loader. Throws, or answers with, RpcError
+  /// INVALID_REQUEST_ID, INVALID_NAME, INVALID_SETTINGS, SCENE_NOT_FOUND, REQUEST_ID_REUSED, TOO_MANY_JOBS,
+  /// SHUTTING_DOWN, and what loading the scene ends with.
+  void create(const v1::CreateJobRequest& request, Created done);
+
+  /// Throws RpcError JOB_NOT_FOUND.
+  std::shared_ptr<Job> find(const std::string& id) const;
+  /// Throws RpcError INVALID_PAGE_SIZE, INVALID_PAGE_TOKEN.
+  v1::ListJobsResponse list(const v1::ListJobsRequest& request) const;
+
+  /// Cancels all jobs and takes no new ones.
+  void shut_down();
+  /// Jobs that have not ended.
+  size_t unfinished() const;
+
+  struct Counts {
+    int queued = 0;
+    int running = 0;
+    int succeeded = 0;
+    int failed = 0;
+    int cancelled = 0;
+    double rays_per_second = 0;
+  };
+  Counts counts() const;
+  /// Rays of all jobs that ended since the start and of those that run.
+  uint64_t rays() const;
+
+ private:
+  struct Creation {
+    std::string request_hash;
+    std::vector<Created> waiting;
+  };
+
+  void restore();
+  std::shared_ptr<Job> make_job(const v1::CreateJobRequest& request, const scene::Scene& scene);
+  void finish_creation(const v1::CreateJobRequest& request,
+                       const std::shared_ptr<const transport::World>& world, double load_seconds,
+                       std::exception_ptr error);
+  /// Starts waiting jobs for which there is memory.
+  void admit();
+  void start(const std::shared_ptr<Job>& job);
+  void on_ended(const std::shared_ptr<Job>& job);
+  /// Forgets the oldest ended jobs above the limit.
+  void forget_old();
+
+  Settings settings_;
+  SceneRegistry& scenes_;
+  Scheduler& scheduler_;
+  JobServices services_;
+  mutable std::mutex mutex_;
+  std::map<std::string, std::shared_ptr<Job>> jobs_;  ///< by id, which sorts by age
+  std::map<std::string, std::string> id_by_request_;  ///< request id -> job id
+  std::map<std::string, Creation> creating_;          ///< by request id
+  std::map<std::string, double> load_seconds_;        ///< what creation paid for loading, by job id
+  std::deque<std::shared_ptr<Job>> waiting_;
+  std::map<std::string, std::shared_ptr<Job>> active_;  ///< admitted and not ended
+  int64_t active_film_bytes_ = 0;
+  bool shut_down_ = false;
+  uint64_t ended_rays_ = 0;
+};
+
+}  // namespace fogbank::service

@@ -1,0 +1,39 @@
+// fogbank.v1.RenderService.
+#pragma once
+
+#include "fogbank/v1/render.grpc.pb.h"
+#include "service/job_table.h"
+#include "service/scheduling/task_queue.h"
+#include "service/stream_pump.h"
+
+namespace fogbank::service {
+
+class RenderServiceImplementation final : public v1::RenderService::CallbackService {
+ public:
+  /// `control` answers the short calls, `downloads` reads images, `pump` feeds the watchers.
+  RenderServiceImplementation(JobTable& jobs, TaskQueue& control, TaskQueue& downloads, StreamPump& pump)
+      : jobs_(jobs), control_(control), downloads_(downloads), pump_(pump) {}
+
+  grpc::ServerUnaryReactor* CreateJob(grpc::CallbackServerContext* context,
+                                      const v1::CreateJobRequest* request,
+                                      v1::CreateJobResponse* response) override;
+  grpc::ServerUnaryReactor* GetJob(grpc::CallbackServerContext* context, const v1::GetJobRequest* request,
+                                   v1::GetJobResponse* response) override;
+  grpc::ServerUnaryReactor* ListJobs(grpc::CallbackServerContext* context, const v1::ListJobsRequest* request,
+                                     v1::ListJobsResponse* response) override;
+  grpc::ServerUnaryReactor* CancelJob(grpc::CallbackServerContext* context,
+                                      const v1::CancelJobRequest* request,
+                                      v1::CancelJobResponse* response) override;
+  grpc::ServerWriteReactor<v1::WatchJobResponse>* WatchJob(grpc::CallbackServerContext* context,
+                                                           const v1::WatchJobRequest* request) override;
+  grpc::ServerWriteReactor<v1::DownloadImageResponse>* DownloadImage(
+      grpc::CallbackServerContext* context, const v1::DownloadImageRequest* request) override;
+
+ private:
+  JobTable& jobs_;
+  TaskQueue& control_;
+  TaskQueue& downloads_;
+  StreamPump& pump_;
+};
+
+}  // namespace fogbank::service

@@ -1,0 +1,211 @@
+#include "service/server.h"
+
+#include <fcntl.h>
+#include <grpcpp/ext/proto_server_reflection_plugin.h>
+#include <grpcpp/grpcpp.h>
+#include <grpcpp/health_check_service_interface.h>
+#include <spdlog/spdlog.h>
+#include <sys/file.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <condition_variable>
+#include <thread>
+
+#include "grpc/health/v1/health.pb.h"
+#include "scene/intersector.h"
+#include "service/blob_store.h"
+#include "service/channel_arguments.h"
+#include "service/files.h"
+#include "service/job_table.h"
+#include "service/limits.h"
+#include "service/listen_address.h"
+#include "service/render_service.h"
+#include "service/scene_registry.h"
+#include "service/scene_service.h"
+#include "service/server_service.h"
+#include "service/stream_pump.h"
+
+namespace fogbank::service {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+/// This gRPC version never accepts again once descriptors have run out, so there should be many.
+void raise_descriptor_limit() {
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+  limit.rlim_cur = limit.rlim_max;
+  ::setrlimit(RLIMIT_NOFILE, &limit);
+}
+
+/// The data directory, ours alone for as long as the descriptor is open.
+FileDescriptor lock_data_directory(const fs::path& data) {
+  try {
+    fs::create_directories(data);
+    FileDescriptor file = open_file(data / "lock", O_RDWR | O_CREAT);
+    if (::flock(file.get(), LOCK_EX | LOCK_NB) != 0) {
+      throw OptionError("the data directory " + data.string() + " is in use by another fogbankd");
+    }
+    return file;
+  } catch (const OptionError&) {
+    throw;
+  } catch (const std::exception& error) {
+    throw OptionError("the data directory " + data.string() + " can't be used: " + error.what());
+  }
+}
+
+fs::path checked_scene_root(const fs::path& root) {
+  std::error_code error;
+  fs::path real = fs::canonical(root, error);
+  if (error || !fs::is_directory(real))
+    throw OptionError("the scene root " + root.string() + " is no folder");
+  return real;
+}
+
+int64_t default_memory_bytes() {
+  const int64_t physical = static_cast<int64_t>(::sysconf(_SC_PHYS_PAGES)) * ::sysconf(_SC_PAGESIZE);
+  return physical / 4 * 3;
+}
+
+int default_threads() { return static_cast<int>(std::max(1u, std::thread::hardware_concurrency())); }
+
+/// Removes what nobody needs any more, once a minute.
+class Sweeper {
+ public:
+  Sweeper(SceneRegistry& scenes, BlobStore& blobs)
+      : thread_([this, &scenes, &blobs] { work(scenes, blobs); }) {}
+  ~Sweeper() {
+    {
+      const std::lock_guard lock(mutex_);
+      stopped_ = true;
+    }
+    wake_.notify_one();
+    thread_.join();
+  }
+
+ private:
+  void work(SceneRegistry& scenes, BlobStore& blobs) {
+    std::unique_lock lock(mutex_);
+    while (!wake_.wait_for(lock, std::chrono::minutes(1), [this] { return stopped_; })) {
+      blobs.sweep(scenes.blobs_in_use(),
+                  std::chrono::seconds(static_cast<int64_t>(limits::blob_lifetime_seconds)),
+                  std::chrono::seconds(static_cast<int64_t>(limits::partial_upload_lifetime_seconds)));
+    }
+  }
+
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  bool stopped_ = false;
+  std::thread thread_;
+};
+
+}  // namespace
+
+/// In the order of construction; what comes later uses what comes before. The queues are closed by `stop`
+/// when nothing can post to them any more.
+struct Server::Parts {
+  explicit Parts(const ServerOptions& options)
+      : lock(lock_data_directory(options.data)),
+        memory_bytes(options.memory_bytes > 0 ? options.memory_bytes : default_memory_bytes()),
+        control("control", 2),
+        files("files", 2),
+        writer("writer", 1),
+        loader("loader", 1),
+        blobs(options.data / "blobs"),
+        scenes({.folder = options.data / "scenes",
+                .scene_root = options.scene_root ? std::optional(checked_scene_root(*options.scene_root))
+                                                 : std::nullopt,
+                .memory_budget_bytes = memory_bytes / 3 * 2},
+               blobs, loader),
+        scheduler(options.threads > 0 ? options.threads : default_threads(), scene::prepare_render_thread),
+        jobs({.folder = options.data / "jobs", .film_budget_bytes = memory_bytes / 3}, scenes, scheduler,
+             writer, [this] { pump.news(); }),
+        scene_service(scenes, blobs, control, files),
+        render_service(jobs, control, files, pump),
+        server_service(scenes, jobs, scheduler, pump, control) {}
+
+  FileDescriptor lock;
+  int64_t memory_bytes;
+  TaskQueue control;
+  TaskQueue files;
+  TaskQueue writer;
+  TaskQueue loader;
+  StreamPump pump;
+  BlobStore blobs;
+  SceneRegistry scenes;
+  Scheduler scheduler;
+  JobTable jobs;
+  SceneServiceImplementation scene_service;
+  RenderServiceImplementation render_service;
+  ServerServiceImplementation server_service;
+  std::optional<Sweeper> sweeper;
+  std::unique_ptr<grpc::Server> server;
+  std::string target;
+};
+
+Server::Server(const ServerOptions& options) {
+  const ListenAddress address = check_listen_address(options.listen, options.insecure_any_address);
+  raise_descriptor_limit();
+  parts_ = std::make_unique<Parts>(options);
+
+  grpc::EnableDefaultHealthCheckService(true);
+  grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+  // The library's health service brings no descriptor; naming ours links it into the program, for reflection.
+  grpc::health::v1::HealthCheckRequest::descriptor();
+
+  grpc::ServerBuilder builder;
+  int port = 0;
+  builder.AddListeningPort(address.target, grpc::InsecureServerCredentials(), &port);
+  builder.SetMaxReceiveMessageSize(static_cast<int>(limits::max_request_bytes));
+  for (const ChannelArgument& argument : channel_arguments()) {
+    if (argument.server) builder.AddChannelArgument(argument.name, argument.value);
+  }
+  // Two servers on one port would each get half of the connections.
+  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+  builder.RegisterService(&parts_->scene_service);
+  builder.RegisterService(&parts_->render_service);
+  builder.RegisterService(&parts_->server_service);
+  parts_->server = builder.BuildAndStart();
+  if (!parts_->server || (address.is_network && port == 0)) {
+    throw OptionError("can't listen on " + options.listen + ": is the address in use?");
+  }
+  auto* health = parts_->server->GetHealthCheckService();
+  for (const char* service : {v1::SceneService::service_full_name(), v1::RenderService::service_full_name(),
+                              v1::ServerService::service_full_name()}) {
+    health->SetServingStatus(service, true);
+  }
+  parts_->target = address.is_network ? address.host + ":" + std::to_string(port) : address.target;
+  parts_->sweeper.emplace(parts_->scenes, parts_->blobs);
+}
+
+Server::~Server() { stop(); }
+
+const std::string& Server::target() const { return parts_->target; }
+
+void Server::stop() {
+  if (!parts_) return;
+  Parts& parts = *parts_;
+  const Clock::time_point drain_end = Clock::now() + seconds(limits::drain_seconds);
+  if (parts.server) parts.server->GetHealthCheckService()->SetServingStatus(false);
+  parts.jobs.shut_down();
+  while ((parts.jobs.unfinished() > 0 || parts.pump.streams() > 0) && Clock::now() < drain_end) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  if (parts.server) {
+    parts.server->Shutdown(std::chrono::system_clock::now() +
+                           std::chrono::milliseconds(static_cast<int64_t>(1000 * limits::shutdown_seconds)));
+  }
+  parts.sweeper.reset();
+  parts.scheduler.close();
+  parts.control.close();
+  parts.loader.close();
+  parts.files.close();
+  parts.writer.close();
+  parts.pump.close();
+  parts_.reset();
+}
+
+}  // namespace fogbank::service

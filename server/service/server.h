@@ -1,0 +1,48 @@
+// fogbankd as an object: everything it consists of, in the order of its life.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+
+namespace fogbank::service {
+
+struct ServerOptions {
+  std::string listen = "127.0.0.1:7070";            ///< HOST:PORT (port 0: any free one) or unix:PATH
+  std::filesystem::path data;                       ///< data directory; made if absent
+  std::optional<std::filesystem::path> scene_root;  ///< scenes below it may be loaded by path
+  int threads = 0;                                  ///< render threads; 0: one for each core
+  int64_t memory_bytes = 0;           ///< for scenes and films; 0: three quarters of the machine's
+  bool insecure_any_address = false;  ///< allows addresses other than loopback and sockets
+};
+
+/// Refused options (a message for people; the program ends with a usage error).
+class OptionError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+class Server {
+ public:
+  /// Starts and serves. Throws OptionError for options that are refused: an address that others can reach
+  /// without `insecure_any_address`, one that is in use, a data directory that another server has or that
+  /// can't be used.
+  explicit Server(const ServerOptions& options);
+  /// As `stop`.
+  ~Server();
+
+  /// What clients connect to: HOST:PORT or unix:PATH.
+  const std::string& target() const;
+
+  /// Takes no new jobs, cancels the others, gives watchers the time to hear of it, and ends within
+  /// limits::drain_seconds + limits::shutdown_seconds.
+  void stop();
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace fogbank::service

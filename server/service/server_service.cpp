@@ -1,0 +1,120 @@
+#include "service/server_service.h"
+
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <vector>
+
+#include "core/sha256.h"
+#include "integrators/integrator.h"
+#include "service/answers.h"
+#include "service/channel_arguments.h"
+#include "service/files.h"
+#include "service/limits.h"
+#include "service/messages.h"
+#include "transport/bsdf.h"
+#include "transport/lights/light_registry.h"
+
+namespace fogbank::service {
+
+namespace {
+
+/// Hash of the running program: nothing else says so surely that two servers are the same build.
+std::string build_id() {
+  constexpr int64_t max_program_bytes = 1 << 30;
+  return sha256(read_file("/proc/self/exe", max_program_bytes)).substr(0, 16);
+}
+
+int64_t resident_bytes() {
+  std::ifstream file("/proc/self/statm");
+  int64_t total = 0;
+  int64_t resident = 0;
+  file >> total >> resident;
+  return resident * ::sysconf(_SC_PAGESIZE);
+}
+
+void add_plugins(v1::GetCapabilitiesResponse& capabilities, const char* kind,
+                 const std::vector<std::string>& names) {
+  v1::ScenePlugins& plugins = *capabilities.add_scene_plugins();
+  plugins.set_kind(kind);
+  for (const std::string& name : names) plugins.add_names(name);
+}
+
+v1::GetCapabilitiesResponse describe_capabilities(bool scene_root) {
+  v1::GetCapabilitiesResponse capabilities;
+  capabilities.set_version(FOGBANK_VERSION);
+  capabilities.set_build_id(build_id());
+  for (const integrators::IntegratorInfo& info : integrators::supported_integrators()) {
+    v1::Integrator& integrator = *capabilities.add_integrators();
+    integrator.set_name(info.name);
+    integrator.set_description(info.summary);
+  }
+  for (const limits::Entry& entry : limits::table()) {
+    v1::Limit& limit = *capabilities.add_limits();
+    limit.set_name(entry.name);
+    limit.set_value(entry.value);
+    limit.set_unit(entry.unit);
+    limit.set_description(entry.description);
+  }
+  add_plugins(capabilities, "bsdf", transport::supported_bsdfs());
+  add_plugins(capabilities, "emitter", transport::supported_emitters());
+  for (const ChannelArgument& argument : channel_arguments()) {
+    if (!argument.client) continue;
+    v1::ChannelArgument& message = *capabilities.add_channel_arguments();
+    message.set_name(argument.name);
+    message.set_value(argument.value);
+    message.set_description(argument.description);
+  }
+  capabilities.set_scene_root(scene_root);
+  return capabilities;
+}
+
+}  // namespace
+
+ServerServiceImplementation::ServerServiceImplementation(const SceneRegistry& scenes, const JobTable& jobs,
+                                                         const Scheduler& scheduler, const StreamPump& pump,
+                                                         TaskQueue& control)
+    : scenes_(scenes),
+      jobs_(jobs),
+      scheduler_(scheduler),
+      pump_(pump),
+      control_(control),
+      start_time_(timestamp_now()),
+      capabilities_(describe_capabilities(scenes.has_scene_root())) {}
+
+grpc::ServerUnaryReactor* ServerServiceImplementation::GetCapabilities(
+    grpc::CallbackServerContext* context, const v1::GetCapabilitiesRequest*,
+    v1::GetCapabilitiesResponse* response) {
+  *response = capabilities_;
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  reactor->Finish(grpc::Status::OK);
+  return reactor;
+}
+
+grpc::ServerUnaryReactor* ServerServiceImplementation::GetServerStatus(
+    grpc::CallbackServerContext* context, const v1::GetServerStatusRequest*,
+    v1::GetServerStatusResponse* response) {
+  return answer(context, control_, [this, response] {
+    *response->mutable_start_time() = start_time_;
+    response->set_uptime_seconds(to_seconds(Clock::now() - start_));
+    const JobTable::Counts jobs = jobs_.counts();
+    response->mutable_jobs()->set_queued(jobs.queued);
+    response->mutable_jobs()->set_running(jobs.running);
+    response->mutable_jobs()->set_succeeded(jobs.succeeded);
+    response->mutable_jobs()->set_failed(jobs.failed);
+    response->mutable_jobs()->set_cancelled(jobs.cancelled);
+    const SceneRegistry::Counts scenes = scenes_.counts();
+    response->set_scenes(scenes.scenes);
+    response->set_resident_scenes(scenes.resident);
+    response->set_scene_memory_bytes(scenes.resident_bytes);
+    response->set_worker_threads(scheduler_.threads());
+    response->set_busy_threads(scheduler_.busy());
+    response->set_memory_bytes(resident_bytes());
+    response->set_rays_per_second(jobs.rays_per_second);
+    response->set_watchers(static_cast<int32_t>(pump_.streams()));
+    response->set_rays(jobs_.rays());
+  });
+}
+
+}  // namespace fogbank::service
