@@ -1,0 +1,100 @@
+// fogbankd: renders scenes with fog as a gRPC service.
+//
+// Exit codes: 0 stopped by SIGTERM, SIGINT or the end of standard input; 1 an error while starting; 64 and
+// above as CLI11 and require_processor.cpp give them.
+#include <poll.h>
+#include <pthread.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <string>
+
+#include "service/files.h"
+#include "service/server.h"
+
+namespace {
+
+/// Blocks the signals that end the server, in this thread and all that it starts, and makes a descriptor of
+/// them.
+int catch_end_signals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  std::signal(SIGPIPE, SIG_IGN);
+  return ::signalfd(-1, &signals, SFD_CLOEXEC);
+}
+
+/// Returns when a signal comes or, if `watch_stdin`, when standard input is closed at its other end.
+void wait_for_end(int signals, bool watch_stdin) {
+  while (true) {
+    pollfd waits[2] = {{.fd = signals, .events = POLLIN, .revents = 0},
+                       {.fd = watch_stdin ? STDIN_FILENO : -1, .events = POLLIN, .revents = 0}};
+    if (::poll(waits, 2, -1) < 0) continue;
+    if (waits[0].revents != 0) return;
+    char ignored[256];
+    if (waits[1].revents != 0 && ::read(STDIN_FILENO, ignored, sizeof ignored) <= 0) return;
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  fogbank::service::ServerOptions options;
+  std::filesystem::path port_file;
+  bool exit_with_stdin = false;
+  std::string data;
+  std::string scene_root;
+  std::string log_level = "info";
+  double memory_gib = 0;
+
+  CLI::App app{"Fogbank " FOGBANK_VERSION ": renders scenes with fog as a gRPC service.", "fogbankd"};
+  app.add_option("--listen", options.listen, "HOST:PORT (port 0: any free one) or unix:PATH")
+      ->capture_default_str();
+  app.add_option("--data", data, "Data directory: uploaded files, scenes, jobs")->required();
+  app.add_option("--scene-root", scene_root, "Folder whose scenes clients may load by path, without upload");
+  app.add_option("--threads", options.threads, "Render threads; 0: one for each core")
+      ->check(CLI::Range(0, 4096))
+      ->capture_default_str();
+  app.add_option("--memory", memory_gib,
+                 "GiB for scenes and films; 0: three quarters of the machine's memory")
+      ->check(CLI::Range(0.0, 1e6))
+      ->capture_default_str();
+  app.add_option("--port-file", port_file, "Written when the server is ready: what clients connect to");
+  app.add_flag("--exit-with-stdin", exit_with_stdin,
+               "Ends when standard input is closed: with the parent process");
+  app.add_flag("--insecure-any-address", options.insecure_any_address,
+               "Allows to listen on addresses that others can reach; there is no authentication");
+  app.add_option("--log-level", log_level, "debug, info, warning, error, off")
+      ->check(CLI::IsMember({"debug", "info", "warning", "error", "off"}))
+      ->capture_default_str();
+  app.set_version_flag("--version", FOGBANK_VERSION);
+  CLI11_PARSE(app, argc, argv);
+
+  options.data = data;
+  if (!scene_root.empty()) options.scene_root = scene_root;
+  options.memory_bytes = static_cast<int64_t>(memory_gib * (1 << 30));
+  spdlog::set_default_logger(spdlog::stderr_color_mt("fogbankd"));
+  spdlog::set_level(spdlog::level::from_str(log_level));
+
+  const int signals = catch_end_signals();
+  try {
+    fogbank::service::Server server(options);
+    spdlog::info("fogbankd {} listens on {}", FOGBANK_VERSION, server.target());
+    if (!port_file.empty()) fogbank::service::write_file_durably(port_file, server.target() + "\n");
+    wait_for_end(signals, exit_with_stdin);
+    spdlog::info("stopping");
+    server.stop();
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "fogbankd: error: %s\n", error.what());
+    return 1;
+  }
+  return 0;
+}
