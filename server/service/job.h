@@ -4,6 +4,7 @@
 #include <atomic>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -100,7 +101,8 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   v1::Job describe_locked() const;
   v1::Progress describe_progress() const;
   std::shared_ptr<const TileSource> tile_source();
-  void fill_tile(uint32_t index, v1::Tile& tile);
+  /// The tile encoded, at least as new as its publication under `revision`; watchers share the encoding.
+  std::shared_ptr<const v1::Tile> encoded_tile(uint32_t index, uint64_t revision);
 
   const std::string id_;
   const std::string request_id_;
@@ -116,7 +118,9 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   TileBoard board_;
   std::shared_ptr<render::RenderJob> render_job_;
   std::weak_ptr<const TileSource> tile_source_;
-  std::shared_ptr<const TileSource> kept_tile_source_;  ///< while somebody watches
+  std::shared_ptr<const TileSource> kept_tile_source_;           ///< while somebody watches
+  std::map<uint64_t, std::shared_ptr<const v1::Tile>> encoded_;  ///< by revision, while several watch
+  size_t encoded_bytes_ = 0;
   std::string scene_fingerprint_;
   std::atomic<bool> stop_ = false;
   std::optional<RpcError> failure_;  ///< why it is stopped

@@ -10,6 +10,9 @@ namespace fogbank::service {
 namespace {
 /// Pause before looking again at tiles that are due but held back by their cost.
 constexpr Clock::duration cost_pause = std::chrono::milliseconds(100);
+
+/// What a job keeps of encoded tiles for watchers that come to them later.
+constexpr size_t max_encoded_bytes = 16 << 20;
 }  // namespace
 
 void Job::attach() {
@@ -22,7 +25,10 @@ void Job::attach() {
 void Job::detach() {
   std::shared_ptr<const TileSource> released;
   const std::lock_guard lock(mutex_);
-  if (--watchers_ == 0 && !render_job_) released = std::move(kept_tile_source_);
+  if (--watchers_ > 0) return;
+  if (!render_job_) released = std::move(kept_tile_source_);
+  encoded_.clear();
+  encoded_bytes_ = 0;
 }
 
 void Job::publish_tiles(Clock::time_point now) {
@@ -75,7 +81,7 @@ Job::NextEvent Job::next_event(WatchCursor& cursor) {
         tile = decision.tile;
     }
   }
-  fill_tile(tile, *next.message->mutable_tile());
+  *next.message->mutable_tile() = *encoded_tile(tile, next.message->revision());
   return next;
 }
 
@@ -93,23 +99,36 @@ std::shared_ptr<const TileSource> Job::tile_source() {
   return source;
 }
 
-void Job::fill_tile(uint32_t index, v1::Tile& tile) {
+std::shared_ptr<const v1::Tile> Job::encoded_tile(uint32_t index, uint64_t revision) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (const auto found = encoded_.find(revision); found != encoded_.end()) return found->second;
+  }
   const std::shared_ptr<const TileSource> source = tile_source();
   const double cpu_before = thread_cpu_seconds();
   const render::TilePixels pixels = source->tile(index);
   const render::PixelType type = pixel_type(settings_);
-  v1::Window& window = *tile.mutable_window();
+  auto tile = std::make_shared<v1::Tile>();
+  v1::Window& window = *tile->mutable_window();
   window.set_x(pixels.window.x);
   window.set_y(pixels.window.y);
   window.set_width(pixels.window.width);
   window.set_height(pixels.window.height);
-  tile.set_pass(static_cast<int32_t>(pixels.pass));
-  tile.set_samples_per_pixel(static_cast<int32_t>(pixels.samples));
-  tile.set_exr(render::encode_tile(pixels, settings_.width(), settings_.height(), type,
-                                   render::tile_compression(pixels.window, type)));
+  tile->set_pass(static_cast<int32_t>(pixels.pass));
+  tile->set_samples_per_pixel(static_cast<int32_t>(pixels.samples));
+  tile->set_exr(render::encode_tile(pixels, settings_.width(), settings_.height(), type,
+                                    render::tile_compression(pixels.window, type)));
   const double cpu = thread_cpu_seconds() - cpu_before;
   const std::lock_guard lock(mutex_);
   encode_cpu_seconds_ += cpu;
+  if (watchers_ > 1 && encoded_.emplace(revision, tile).second) {
+    encoded_bytes_ += tile->exr().size();
+    while (encoded_bytes_ > max_encoded_bytes) {
+      encoded_bytes_ -= encoded_.begin()->second->exr().size();
+      encoded_.erase(encoded_.begin());
+    }
+  }
+  return tile;
 }
 
 }  // namespace fogbank::service
