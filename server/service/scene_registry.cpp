@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <iterator>
 
 #include "core/sha256.h"
 #include "service/limits.h"
@@ -31,6 +32,8 @@ std::string source_key(const v1::CreateSceneRequest& request) {
   }
   return sha256(canonical_bytes(source));
 }
+
+RpcError shutting_down() { return {StatusCode::UNAVAILABLE, "SHUTTING_DOWN", "the server is shutting down"}; }
 
 RpcError not_found(const std::string& id) {
   return {
@@ -145,6 +148,7 @@ void SceneRegistry::acquire(const std::string& id, Acquired done) {
 
 void SceneRegistry::load_shared(const v1::CreateSceneRequest& source, const std::string& expected_id,
                                 std::function<void(const LoadedScene*, std::exception_ptr)> done) {
+  if (shut_down_) throw shutting_down();
   const std::string key = source_key(source);
   if (const auto loading = loading_.find(key); loading != loading_.end()) {
     loading->second.waiting.push_back(std::move(done));
@@ -159,7 +163,7 @@ void SceneRegistry::load_shared(const v1::CreateSceneRequest& source, const std:
   loading_.emplace(key, std::move(loading));
   if (!loader_.post([this, key, expected_id] { run_loading(key, expected_id); })) {
     loading_.erase(key);
-    throw RpcError(StatusCode::UNAVAILABLE, "SHUTTING_DOWN", "the server is shutting down");
+    throw shutting_down();
   }
 }
 
@@ -167,6 +171,10 @@ void SceneRegistry::run_loading(const std::string& key, const std::string& expec
   v1::CreateSceneRequest source;
   {
     const std::lock_guard lock(mutex_);
+    if (shut_down_) {
+      loading_.erase(key);  // nobody waits any more
+      return;
+    }
     source = loading_.at(key).source;
   }
   LoadedScene loaded;
@@ -233,6 +241,19 @@ std::vector<std::shared_ptr<const transport::World>> SceneRegistry::keep(
     oldest->world = nullptr;
   }
   return released;
+}
+
+void SceneRegistry::shut_down() {
+  std::vector<std::function<void(const LoadedScene*, std::exception_ptr)>> waiting;
+  {
+    const std::lock_guard lock(mutex_);
+    shut_down_ = true;
+    for (auto& [key, loading] : loading_) {
+      std::ranges::move(loading.waiting, std::back_inserter(waiting));
+      loading.waiting.clear();
+    }
+  }
+  for (const auto& done : waiting) done(nullptr, std::make_exception_ptr(shutting_down()));
 }
 
 v1::Scene SceneRegistry::get(const std::string& id) const {

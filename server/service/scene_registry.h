@@ -55,6 +55,9 @@ class SceneRegistry {
   /// Throws RpcError INVALID_PAGE_SIZE, INVALID_PAGE_TOKEN.
   v1::ListScenesResponse list(int page_size, const std::string& page_token) const;
 
+  /// Tells everybody who waits for a loading that the server ends, and loads nothing more.
+  void shut_down();
+
   /// SHA-256 of every blob that a scene needs, those that are being loaded included.
   std::set<std::string> blobs_in_use() const;
 
@@ -100,6 +103,7 @@ class SceneRegistry {
   std::deque<std::string> request_order_;                 ///< its keys, oldest first
   std::map<std::string, Loading> loading_;                ///< by the key of the source
   uint64_t use_counter_ = 0;
+  bool shut_down_ = false;
 };
 
 }  // namespace fogbank::service

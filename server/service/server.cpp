@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <condition_variable>
+#include <cstdlib>
 #include <thread>
 
 #include "grpc/health/v1/health.pb.h"
@@ -190,13 +191,21 @@ void Server::stop() {
   Parts& parts = *parts_;
   const Clock::time_point drain_end = Clock::now() + seconds(limits::drain_seconds);
   if (parts.server) parts.server->GetHealthCheckService()->SetServingStatus(false);
+  parts.scenes.shut_down();
   parts.jobs.shut_down();
-  while ((parts.jobs.unfinished() > 0 || parts.pump.streams() > 0) && Clock::now() < drain_end) {
+  while ((parts.jobs.unfinished() > 0 || parts.pump.streams() > 0 || !parts.loader.idle()) &&
+         Clock::now() < drain_end) {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
   if (parts.server) {
     parts.server->Shutdown(std::chrono::system_clock::now() +
                            std::chrono::milliseconds(static_cast<int64_t>(1000 * limits::shutdown_seconds)));
+  }
+  if (!parts.loader.idle()) {
+    // A scene that takes long to load can't be interrupted, and nothing is lost with it: files appear in the
+    // data directory only when they are whole.
+    spdlog::info("ending in the middle of loading a scene");
+    std::_Exit(0);
   }
   parts.sweeper.reset();
   parts.scheduler.close();

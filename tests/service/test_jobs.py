@@ -252,8 +252,8 @@ def test_cancel(server: Server, scene: scene_messages.Scene) -> None:
     assert ended.state == render.JOB_STATE_CANCELLED
     assert ended.error.code == grpc.StatusCode.CANCELLED.value[0]
     assert not ended.HasField("result")
-    status = server.server.GetServerStatus(server_pb2.GetServerStatusRequest())
-    assert status.busy_threads == 0
+    while server.server.GetServerStatus(server_pb2.GetServerStatusRequest()).busy_threads > 0:
+        time.sleep(0.01)
     # Cancelling what has ended changes nothing.
     again = server.render.CancelJob(render.CancelJobRequest(name=job.name)).job
     assert again == ended

@@ -28,6 +28,11 @@ size_t TaskQueue::waiting() const {
   return tasks_.size();
 }
 
+bool TaskQueue::idle() const {
+  const std::lock_guard lock(mutex_);
+  return tasks_.empty() && running_ == 0;
+}
+
 void TaskQueue::close() {
   {
     const std::lock_guard lock(mutex_);
@@ -47,10 +52,12 @@ void TaskQueue::work() {
     if (tasks_.empty()) return;
     std::function<void()> task = std::move(tasks_.front());
     tasks_.pop_front();
+    ++running_;
     lock.unlock();
     task();
     task = nullptr;  // what the task holds is released without the lock
     lock.lock();
+    --running_;
   }
 }
 

@@ -23,6 +23,8 @@ class TaskQueue {
   bool post(std::function<void()> task);
   /// Tasks waiting, running ones not counted.
   size_t waiting() const;
+  /// Neither waiting nor running tasks.
+  bool idle() const;
   /// Runs what was posted before and joins the threads.
   void close();
 
@@ -32,6 +34,7 @@ class TaskQueue {
   mutable std::mutex mutex_;
   std::condition_variable wake_;
   std::deque<std::function<void()>> tasks_;
+  int running_ = 0;
   bool closed_ = false;
   std::string name_;
   std::vector<std::thread> threads_;
