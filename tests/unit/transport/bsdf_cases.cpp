@@ -41,7 +41,7 @@ scene::PropertyValue value_of(const nlohmann::json& value) {
   if (value.is_boolean()) return value.get<bool>();
   if (value.is_number()) return value.get<double>();
   if (value.is_array()) return Spectrum(value[0].get<float>(), value[1].get<float>(), value[2].get<float>());
-  const auto text = value.get<std::string>();
+  auto text = value.get<std::string>();
   if (!text.ends_with(".png")) return text;
   auto texture = std::make_shared<scene::ObjectDescription>();
   texture->tag = "texture";

@@ -20,7 +20,7 @@ import pathlib
 import struct
 import tempfile
 import zlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import mitsuba as mi
@@ -47,17 +47,23 @@ def bsdf(kind: str, *nested: Description, **parameters: Value) -> Description:
     return description
 
 
-def ramp_png() -> bytes:
-    """8 x 8 grey picture whose value rises by 9/255 a column and falls by 16/255 a row."""
-    rows = b"".join(bytes([0] + [120 + 9 * x - 16 * y for x in range(8)]) for y in range(8))
+def png(colour_type: int, texel: Callable[[int, int], list[int]]) -> bytes:
+    """8 x 8 picture; `texel` gives the channels of column x, row y (from the top)."""
+    rows = b"".join(bytes([0] + [value for x in range(8) for value in texel(x, y)]) for y in range(8))
 
     def chunk(tag: bytes, data: bytes) -> bytes:
         body = tag + data
         return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
 
-    header = struct.pack(">IIBBBBB", 8, 8, 8, 0, 0, 0, 0)
+    header = struct.pack(">IIBBBBB", 8, 8, 8, colour_type, 0, 0, 0)
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
 
+
+PICTURES = {
+    # Neither slope of the ramp is that of the other axis, so that swapped or turned axes show.
+    "ramp.png": png(0, lambda x, y: [120 + 9 * x - 16 * y]),
+    "normals.png": png(2, lambda x, y: [100 + 8 * x, 170 - 9 * y, 220]),
+}
 
 RED = [0.8, 0.3, 0.1]
 BLUE = [0.1, 0.4, 0.9]
@@ -106,6 +112,15 @@ CASES: dict[str, Description] = {
     "mask_opacity": bsdf("mask", bsdf("thindielectric"), opacity=0.3),
     "blendbsdf": bsdf("blendbsdf", DIFFUSE, GLOSS, weight=0.35),
     "normalmap": bsdf("normalmap", GLOSS, normalmap=[0.62, 0.41, 0.93]),
+    "diffuse_textured": bsdf("diffuse", reflectance="ramp.png"),
+    "roughconductor_textured": bsdf("roughconductor", alpha="ramp.png", specular_reflectance="ramp.png"),
+    "roughdielectric_textured": bsdf("roughdielectric", alpha_u="ramp.png", alpha_v=0.2, distribution="ggx"),
+    "mask_textured": bsdf("mask", DIFFUSE, opacity="ramp.png"),
+    "blendbsdf_textured": bsdf("blendbsdf", DIFFUSE, GLOSS, weight="ramp.png"),
+    "normalmap_textured": bsdf("normalmap", DIFFUSE, normalmap="normals.png"),
+    "principled_textured": bsdf(
+        "principled", base_color="ramp.png", roughness="ramp.png", metallic="ramp.png", sheen="ramp.png"
+    ),
     "normalmap_plain": bsdf(
         "normalmap",
         DIFFUSE,
@@ -220,17 +235,17 @@ def conductor_presets() -> dict[str, list[float]]:
 def main() -> None:
     mi.set_variant("scalar_rgb")
     mi.set_log_level(mi.LogLevel.Error)
-    picture = ramp_png()
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        (folder / "ramp.png").write_bytes(picture)
+        for picture, content in PICTURES.items():
+            (folder / picture).write_bytes(content)
         cases = [measure(key, description, folder) for key, description in CASES.items()]
     table = {
         "mitsuba": mi.__version__,
         "dp_du": DP_DU,
         "dp_dv": DP_DV,
         "uv": UV,
-        "files": {"ramp.png": base64.b64encode(picture).decode()},
+        "files": {picture: base64.b64encode(content).decode() for picture, content in PICTURES.items()},
         "conductors": conductor_presets(),
         "cases": cases,
     }
