@@ -106,20 +106,19 @@ constexpr float open_start = 0x1p-90f;
 float open_end(float distance) { return std::bit_cast<float>(std::bit_cast<uint32_t>(distance) - 1u); }
 
 RTCRay make_ray(const Ray& ray, uint32_t mask) {
-  RTCRay query;
-  query.org_x = ray.origin.x;
-  query.org_y = ray.origin.y;
-  query.org_z = ray.origin.z;
-  query.tnear = open_start;
-  query.dir_x = ray.direction.x;
-  query.dir_y = ray.direction.y;
-  query.dir_z = ray.direction.z;
-  query.time = 0;
-  query.tfar = open_end(ray.max_distance);
-  query.mask = mask;
-  query.id = 0;
-  query.flags = 0;
-  return query;
+  constexpr float time = 0;
+  return {ray.origin.x,
+          ray.origin.y,
+          ray.origin.z,
+          open_start,
+          ray.direction.x,
+          ray.direction.y,
+          ray.direction.z,
+          time,
+          open_end(ray.max_distance),
+          mask,
+          0,
+          0};
 }
 
 }  // namespace
@@ -141,7 +140,7 @@ struct Intersector::Implementation {
   explicit Implementation(const Scene& scene) : source(scene) {}
 
   void build();
-  bool query(RTCScene accelerator, const Ray& ray, uint32_t mask, Hit& hit) const;
+  [[gnu::always_inline]] bool query(RTCScene accelerator, const Ray& ray, uint32_t mask, Hit& hit) const;
 
  private:
   void check();
@@ -308,7 +307,8 @@ void Intersector::Implementation::build() {
   if (passing != nullptr) commit(passing.get());
 }
 
-bool Intersector::Implementation::query(RTCScene accelerator, const Ray& ray, uint32_t mask, Hit& hit) const {
+inline bool Intersector::Implementation::query(RTCScene accelerator, const Ray& ray, uint32_t mask,
+                                               Hit& hit) const {
   if (!(ray.max_distance > 0)) return false;
   RTCRayHit query;
   query.ray = make_ray(ray, mask);
