@@ -9,7 +9,6 @@ import random
 import signal
 import subprocess
 import sys
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
@@ -106,16 +105,16 @@ def test_the_channel_options_are_those_that_the_server_asks_for(module_service: 
 
 
 def test_a_slab_absorbs_as_it_must(module_service: fogbank.Service) -> None:
-    expected = tomllib.loads((SLAB.parent / "expect.toml").read_text())["absorbing_slab"]
+    sigma_t = np.array([0.1, 0.75, 2.0])
     image = module_service.load(SLAB).render(pixel_type="float", spp=16).result()
-    np.testing.assert_allclose(
-        image.mean(axis=(0, 1)), expected["mean"], rtol=expected["relative_tolerance"] + float(np.finfo(np.float32).eps)
-    )
+    # Rays slant by up to 0.25 degrees, so that their way through the slab of thickness 2 is longer by up to
+    # 2 (1 / cos 0.25 deg - 1) = 2e-5, which sigma_t <= 2 makes a relative 4e-5.
+    np.testing.assert_allclose(image.mean(axis=(0, 1)), np.exp(-2.0 * sigma_t), rtol=4e-5)
 
 
 @pytest.mark.parametrize("pixel_type", ["half", "float"])
 def test_tiles_add_up_to_the_image_bit_for_bit(shafts: fogbank.Scene, pixel_type: Literal["half", "float"]) -> None:
-    job = shafts.render(spp=8, size=SIZE, pixel_type=pixel_type, update_interval=0.02)
+    job = shafts.render(spp=8, size=SIZE, pixel_type=pixel_type, update_interval=0.05)
     np.testing.assert_array_equal(film(job), job.result())
 
 
@@ -241,7 +240,7 @@ def test_a_network_that_breaks_again_and_again_costs_nothing_but_time(tmp_path: 
             # 4 MiB in pieces of less than 400 kB.
             assert proxy.cuts >= 10
             proxy.cut_after_bytes, proxy.most_cuts, proxy.cuts = 30_000, 20, 0
-            job = scene.render(spp=64, size=SIZE, tile_size=16, update_interval=0.02, pixel_type="float")
+            job = scene.render(spp=64, size=SIZE, tile_size=16, update_interval=0.05, pixel_type="float")
             seen = film(job)
             image = job.result()
             assert proxy.cuts > 0
