@@ -98,6 +98,7 @@ def test_what_a_user_does(module_service: fogbank.Service, tmp_path: Path) -> No
     assert statistics.rays > statistics.samples
     assert statistics.render_seconds > 0.0
     assert statistics.render_cpu_seconds > 0.0
+    assert statistics.invalid_samples == 0
 
 
 def test_the_channel_options_are_those_that_the_server_asks_for(module_service: fogbank.Service) -> None:

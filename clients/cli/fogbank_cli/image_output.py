@@ -74,6 +74,10 @@ def follow_and_save(
     statistics = job.statistics
     if statistics is None:
         raise fogbank.InternalError(f"{job.name} succeeded and has no result")
+    if statistics.invalid_samples:
+        output.note(
+            f"warning: {statistics.invalid_samples} samples were not valid and taken as black; please report it"
+        )
     output.event(
         "done",
         image=paths[0] if paths else None,

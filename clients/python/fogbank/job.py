@@ -136,6 +136,9 @@ class RenderStatistics:
     relative_noise: float | None
     """Root mean square of the pixels' estimated standard errors divided by the image's mean; None if unknown."""
 
+    invalid_samples: int
+    """Samples that were not finite or were negative, and were taken as black: a bug of the server if not 0."""
+
     @classmethod
     def from_message(cls, message: render_pb2.JobResult) -> RenderStatistics:
         """The statistics of a wire message."""
@@ -149,6 +152,7 @@ class RenderStatistics:
             render_seconds=message.render_seconds,
             render_cpu_seconds=message.render_cpu_seconds,
             relative_noise=message.relative_noise if message.HasField("relative_noise") else None,
+            invalid_samples=message.invalid_samples,
         )
 
 
