@@ -79,7 +79,13 @@ def sources(build: Path) -> list[Source]:
 
 def tidy(source: Source, build: Path, clean: Path) -> str | None:
     """Findings as text, or None; a clean source leaves its mark."""
-    options = ["--quiet", "-p", str(build), "--extra-arg=-Wno-unknown-warning-option"]
+    options = [
+        "--quiet",
+        "-p",
+        str(build),
+        "--extra-arg=-Wno-unknown-warning-option",
+        "--extra-arg=-Wno-deprecated-declarations",
+    ]
     run = subprocess.run([str(CLANG_TIDY), *options, str(source.path)], capture_output=True, text=True)
     if run.returncode == 0 and not run.stdout.strip():
         (clean / source.key).touch()
