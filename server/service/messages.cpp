@@ -5,6 +5,8 @@
 #include <google/protobuf/util/json_util.h>
 #include <google/protobuf/util/time_util.h>
 
+#include <chrono>
+
 #include "service/files.h"
 #include "service/rpc_error.h"
 
@@ -46,6 +48,11 @@ void read_message(const std::filesystem::path& path, google::protobuf::Message& 
   }
 }
 
-google::protobuf::Timestamp timestamp_now() { return google::protobuf::util::TimeUtil::GetCurrentTime(); }
+google::protobuf::Timestamp timestamp_now() {
+  // TimeUtil::GetCurrentTime of this protobuf version knows whole seconds only.
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  return google::protobuf::util::TimeUtil::NanosecondsToTimestamp(
+      std::chrono::duration_cast<std::chrono::nanoseconds>(now).count());
+}
 
 }  // namespace fogbank::service

@@ -40,9 +40,12 @@ RpcError not_found(const std::string& id) {
       StatusCode::NOT_FOUND, "SCENE_NOT_FOUND", "there is no " + scene_name(id), {{"name", scene_name(id)}}};
 }
 
-/// Sorts newest first, and is a page token.
+/// Sorts by age, and is a page token: creation time in nanoseconds, 20 digits, and the name.
 std::string page_key(const v1::Scene& scene) {
-  return google::protobuf::util::TimeUtil::ToString(scene.create_time()) + " " + scene.name();
+  const int64_t time = google::protobuf::util::TimeUtil::TimestampToNanoseconds(scene.create_time());
+  std::string digits = std::to_string(time);
+  digits.insert(0, 20 - std::min<size_t>(digits.size(), 20), '0');
+  return digits + " " + scene.name();
 }
 
 }  // namespace
