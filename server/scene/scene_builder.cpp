@@ -11,15 +11,17 @@ int32_t SceneBuilder::bsdf(const ObjectPointer& description) {
   return entry->second;
 }
 
-int32_t SceneBuilder::default_bsdf() {
-  if (default_bsdf_ == none) {
+int32_t SceneBuilder::default_bsdf(bool emits) {
+  int32_t& index = emits ? emitter_default_bsdf_ : default_bsdf_;
+  if (index == none) {
     auto diffuse = std::make_shared<ObjectDescription>();
     diffuse->tag = "bsdf";
     diffuse->type = "diffuse";
     diffuse->where.element = "<bsdf type=\"diffuse\"> (default)";
-    default_bsdf_ = bsdf(diffuse);
+    if (emits) diffuse->properties.push_back({"reflectance", 0.0, diffuse->where});
+    index = bsdf(diffuse);
   }
-  return default_bsdf_;
+  return index;
 }
 
 bool SceneBuilder::passes_light(const ObjectPointer& bsdf) {

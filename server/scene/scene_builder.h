@@ -19,8 +19,9 @@ class SceneBuilder {
 
   /// Index in `Scene::bsdfs`.
   int32_t bsdf(const ObjectPointer& description);
-  /// The BSDF of a shape that names none: diffuse with the plugin's default reflectance.
-  int32_t default_bsdf();
+  /// The BSDF of a shape that names none: diffuse with the plugin's default reflectance, but black where the
+  /// shape `emits` (as in every version of Mitsuba).
+  int32_t default_bsdf(bool emits);
   /// Does light pass straight through it (`null`, `mask`, `thindielectric` or a BSDF that nests one)?
   bool passes_light(const ObjectPointer& bsdf);
   /// Index in `Scene::media`. Throws as `read_medium`.
@@ -56,6 +57,7 @@ class SceneBuilder {
   ContentHashes& hashes_;
   size_t triangle_count_ = 0;
   int32_t default_bsdf_ = none;
+  int32_t emitter_default_bsdf_ = none;
   std::map<ObjectPointer, int32_t> bsdfs_;
   std::map<ObjectPointer, int32_t> media_;
   std::map<ObjectPointer, int32_t> groups_;

@@ -150,7 +150,7 @@ void SceneBuilder::add_surface(const ObjectPointer& description, int32_t group) 
 
   const std::vector<ObjectPointer> bsdfs = reader.children("bsdf");
   if (bsdfs.size() > 1) reader.fail("DUPLICATE_PARAMETER", "a shape has one <bsdf>");
-  shape.bsdf = bsdfs.empty() ? default_bsdf() : bsdf(bsdfs.front());
+  shape.bsdf = bsdfs.empty() ? default_bsdf(!reader.children("emitter").empty()) : bsdf(bsdfs.front());
   shape.passes_light = !bsdfs.empty() && passes_light(bsdfs.front());
 
   if (const ObjectPointer interior = reader.child("interior", "medium"))

@@ -130,6 +130,20 @@ TEST(LoaderShapes, BsdfsAreSharedAndDefaulted) {
   EXPECT_TRUE(scene->bsdfs[1]->properties.empty());
 }
 
+TEST(LoaderShapes, LightsAreBlackUnlessTheySayOtherwise) {
+  const auto scene = load(R"(<shape type="cube"><emitter type="area"/></shape><shape type="cube"/>
+      <shape type="cube"><emitter type="area"/><bsdf type="plastic"/></shape>
+      <shape type="cube"><emitter type="area"/></shape>)");
+  const auto bsdf = [&](size_t shape) { return scene->shapes[shape].bsdf; };
+  const ObjectDescription& black = *scene->bsdfs[static_cast<size_t>(bsdf(0))];
+  EXPECT_EQ(black.type, "diffuse");
+  ASSERT_NE(black.find("reflectance"), nullptr);
+  EXPECT_EQ(std::get<double>(black.find("reflectance")->value), 0.0);
+  EXPECT_EQ(scene->bsdfs[static_cast<size_t>(bsdf(1))]->find("reflectance"), nullptr);
+  EXPECT_EQ(scene->bsdfs[static_cast<size_t>(bsdf(2))]->type, "plastic");
+  EXPECT_EQ(bsdf(3), bsdf(0));
+}
+
 TEST(LoaderShapes, PassesLight) {
   const auto scene = load(R"(<shape type="cube"><bsdf type="null"/></shape>
       <shape type="cube"><bsdf type="dielectric"/></shape>
