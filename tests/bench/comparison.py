@@ -1,9 +1,10 @@
 """Speed and noise of Fogbank's `volpath` against Mitsuba 3's on the same scenes.
 
 All engines render each scene at the same size, depth and samples per pixel, with the filter box (any other makes
-Mitsuba weight the samples of neighbouring pixels). In every round each engine renders once, in turn and with a seed of
-its own, so that whatever else the machine does meets all of them. Before the first round each renders once without
-being measured: start-up, loading and just-in-time compilation are not counted.
+Mitsuba weight the samples of neighbouring pixels). Russian roulette begins where each engine's user would have it: for
+Mitsuba where the scene's file says, unless told otherwise, for Fogbank at its own default. In every round each engine
+renders once, in turn and with a seed of its own, so that whatever else the machine does meets all of them. Before the
+first round each renders once without being measured: start-up, loading and just-in-time compilation are not counted.
 
 * Speed: camera samples per CPU second (all threads), summed over the rounds. The ratios' range is that of the rounds.
 * Noise: V, the variance of a pixel's luminance over an engine's rounds, divided by (L + M / 10)^2, where L is the mean
@@ -44,7 +45,7 @@ class Case:
     width: int
     height: int
     max_depth: int
-    rr_depth: int
+    mitsuba_rr_depth: int
 
 
 @dataclass
@@ -137,7 +138,7 @@ def compare(case: Case, samples_per_pixel: int, rounds: int, threads: int) -> di
                 own = (
                     {"width": case.width, "height": case.height, "threads": threads}
                     if name == "fogbank"
-                    else {"rr_depth": case.rr_depth}
+                    else {"rr_depth": case.mitsuba_rr_depth}
                 )
                 answer = engine.ask(
                     "render",
@@ -159,6 +160,7 @@ def compare(case: Case, samples_per_pixel: int, rounds: int, threads: int) -> di
         "width": case.width,
         "height": case.height,
         "max_depth": case.max_depth,
+        "mitsuba_rr_depth": case.mitsuba_rr_depth,
         "samples_per_pixel": samples_per_pixel,
         "rounds": rounds,
         "engines": [asdict(value) for value in result.values()],

@@ -9,6 +9,7 @@ what exactly is measured.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import os
 import platform
@@ -47,10 +48,15 @@ def main() -> None:
     arguments.add_argument("parts", nargs="*", metavar="PART", help="comparison, embree, loading, serving")
     arguments.add_argument("--scene", action="append", help="only this scene (comparison, embree)")
     arguments.add_argument("--spp", type=int, default=16, help="samples per pixel of a round")
+    arguments.add_argument(
+        "--mitsuba-rr-depth", type=int, help="where its roulette begins; as the scenes say by default"
+    )
     arguments.add_argument("--rounds", type=int, default=8, help="rounds of the comparison")
     arguments.add_argument("--threads", type=int, default=os.cpu_count(), help="threads of Fogbank's engine")
     options = arguments.parse_args()
     cases = [case for case in comparison.cases() if not options.scene or case.name in options.scene]
+    if options.mitsuba_rr_depth is not None:
+        cases = [dataclasses.replace(case, mitsuba_rr_depth=options.mitsuba_rr_depth) for case in cases]
 
     def run_comparison() -> str:
         results = [comparison.compare(case, options.spp, options.rounds, options.threads) for case in cases]

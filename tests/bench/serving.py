@@ -67,13 +67,14 @@ def fairness(scene: fogbank.Scene, case: Case, seconds: float) -> list[float]:
 
 def measure(case: Case, spp: int) -> dict[str, Any]:
     """All of it, on one scene."""
-    starts = []
+    starts, start_cpu = [], []
     with tempfile.TemporaryDirectory() as folder:
         for index in range(4):
             start = time.perf_counter()
             server = EmbeddedServer(data=Path(folder) / str(index))
             service = fogbank.connect(server.target)
             starts.append(time.perf_counter() - start)
+            start_cpu.append(server_cpu_seconds(server))
             if index < 3:
                 service.close()
                 server.stop()
@@ -91,6 +92,7 @@ def measure(case: Case, spp: int) -> dict[str, Any]:
     return {
         "scene": case.name,
         "start_seconds": starts,
+        "start_cpu_seconds": start_cpu,
         "first_tile_seconds": first_tiles,
         "overhead_unwatched": unwatched,
         "overhead_watched": watched,
@@ -105,7 +107,8 @@ def table(result: dict[str, Any]) -> str:
     shares = result["fairness"]
     return "\n".join(
         [
-            f"server start to ready     {statistics.median(starts):.3f} s (of {len(starts)}; most {max(starts):.3f} s)",
+            f"server start to ready     {statistics.median(starts):.3f} s (of {len(starts)}; most {max(starts):.3f} s),"
+            f" {statistics.median(result['start_cpu_seconds']):.3f} CPU s",
             f"first tile at the client  {statistics.median(tiles):.3f} s (of {len(tiles)}; most {max(tiles):.3f} s)",
             f"server's CPU time besides the render, of the render's: {unwatched:.1%} unwatched, {watched:.1%} watched,"
             f" so streaming {watched - unwatched:.1%}",
