@@ -57,8 +57,9 @@ float bounds_importance(const LightReceiver& receiver, const LightBounds& bounds
       importance *= cosine;
     }
   }
-  return importance * std::exp(-std::fmin(receiver.mean_sigma_t * std::fmax(distance - bounds.radius, 0.0f),
-                                          most_optical_distance));
+  return importance *
+         fast_exp_negative(-std::fmin(receiver.mean_sigma_t * std::fmax(distance - bounds.radius, 0.0f),
+                                      most_optical_distance));
 }
 
 float light_importance(const LightReceiver& receiver, const Light& light) {
@@ -77,8 +78,9 @@ float light_importance(const LightReceiver& receiver, const Light& light) {
     const float sin_b = bounds.radius / distance;
     importance *= std::fmax(receiver_cosine(receiver.normal, w, sin_b, safe_sqrt(1 - sin_b * sin_b)), 0.0f);
   }
-  return importance * std::exp(-std::fmin(receiver.mean_sigma_t * std::fmax(distance - bounds.radius, 0.0f),
-                                          most_optical_distance));
+  return importance *
+         fast_exp_negative(-std::fmin(receiver.mean_sigma_t * std::fmax(distance - bounds.radius, 0.0f),
+                                      most_optical_distance));
 }
 
 /// Closed form of the integral of 1 / distance^2 along the segment, (angle subtended) / height, with the
@@ -108,8 +110,8 @@ float light_importance(const MediumSegment& segment, const Light& light) {
   if (!std::isfinite(end)) return 0;
   if (light.at_infinity()) {
     // One node at the middle of what transmittance lets through.
-    const float opacity = -std::expm1(-sigma * end);
-    const float middle = opacity > 1e-3f ? -std::log1p(-0.5f * opacity) / sigma : 0.5f * end;
+    const float opacity = 1 - fast_exp_negative(-sigma * end);
+    const float middle = opacity > 1e-3f ? -std::log(1 - 0.5f * opacity) / sigma : 0.5f * end;
     float importance = 0;
     segment_importance(segment, light, &middle, 1, &importance);
     return importance * end;
@@ -118,14 +120,21 @@ float light_importance(const MediumSegment& segment, const Light& light) {
   // and the bounds' closed form supplies the peak near the light.
   const LightBounds& bounds = light.bounds();
   const float nearest = std::clamp(glm::dot(bounds.center - segment.origin, segment.direction), 0.0f, end);
-  const auto facing = [&](float t) {
-    const Vec3f x = segment.origin + segment.direction * t;
-    const Vec3f d = bounds.center - x;
+  // Eight, because that is one vector register; the rest repeat the end.
+  constexpr int lanes = 8;
+  std::array<float, lanes> t{};
+  t.fill(end);
+  t[0] = 0;
+  t[1] = nearest;
+  std::array<float, lanes> fluence{};
+  light.fluence_along(segment.origin, segment.direction, t.data(), lanes, fluence.data());
+  float share = 0;
+  for (size_t i = 0; i < 3; ++i) {
+    const Vec3f d = bounds.center - (segment.origin + segment.direction * t[i]);
     const float isotropic =
         bounds.intensity / std::fmax(glm::dot(d, d), sqr(bounds.radius) + std::numeric_limits<float>::min());
-    return std::fmin(light.fluence(x) / isotropic, 1.0f);
-  };
-  const float share = facing(0) + facing(nearest) + facing(end);
+    share += std::fmin(fluence[i] / isotropic, 1.0f);
+  }
   if (share == 0) return 0;
   const Vec3f towards = light.direction_from(segment.origin + segment.direction * nearest);
   float phase = 1;

@@ -70,7 +70,8 @@ struct MediumSegment {
       if (u_channel >= channel_weights.x) sigma = medium->sigma_t.y;
       if (u_channel >= channel_weights.x + channel_weights.y) sigma = medium->sigma_t.z;
     }
-    return sigma > 0 ? -std::log1p(-u_distance) / sigma : infinity;
+    // 1 - u is exact for canonical numbers of 24 bits.
+    return sigma > 0 ? -std::log(1 - u_distance) / sigma : infinity;
   }
 };
 
