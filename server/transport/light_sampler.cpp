@@ -95,7 +95,13 @@ float along_segment(const MediumSegment& segment, const LightBounds& bounds) {
   const float end = sigma > 0 ? std::fmin(segment.length, 4 / sigma) : segment.length;
   const float angle = fast_atan((end - nearest) / height) + fast_atan(nearest / height);
   const float t = std::clamp(nearest, 0.0f, end);
-  const float to_light = std::fmax(glm::length(to_center - segment.direction * t) - bounds.radius, 0.0f);
+  const Vec3f offset = to_center - segment.direction * t;
+  const float distance = glm::length(offset);
+  float to_light = std::fmax(distance - bounds.radius, 0.0f);
+  // A light outside the medium shines through clear air up to the medium's box.
+  if (to_light > 0)
+    to_light = std::fmin(to_light, segment.medium->extent.exit_distance(
+                                       segment.origin + segment.direction * t, offset / distance));
   return std::fmax(angle, 1e-7f) / std::fmax(height, std::numeric_limits<float>::min()) *
          std::exp(-std::fmin(sigma * (t + to_light), 2 * most_optical_distance));
 }
