@@ -301,6 +301,22 @@ TEST(BsdfEnergy, LosslessOnesKeepEverything) {
   }
 }
 
+// The albedo of a blend is the blend of the albedos, also where one of the two is a Dirac lobe.
+TEST(BsdfEnergy, BlendsAreLinear) {
+  test::BsdfWorkshop workshop;
+  const nlohmann::json diffuse = {{"type", "diffuse"}};
+  for (const char* mirror : {"conductor", "null", "thindielectric"})
+    for (const float weight : {0.1f, 0.3f, 0.8f}) {
+      const BsdfPointer blend =
+          workshop.build({{"type", "blendbsdf"},
+                          {"parameters", {{"weight", weight}}},
+                          {"nested", nlohmann::json::array({diffuse, {{"type", mirror}}})}});
+      // Weights are 0.5 or 1: the standard error of the mean of 20000 is 0.25 / 141 at most; four of these.
+      EXPECT_NEAR(mean_weight(*blend, ShadingPoint(), views[1]), 0.5 * (1 - weight) + weight, 4 * 0.25 / 141)
+          << mirror << " " << weight;
+    }
+}
+
 // Roughness and indices at and beyond what makes sense, and weights that switch lobes off.
 TEST(BsdfExtremes, StayFinite) {
   test::BsdfWorkshop workshop;
