@@ -15,7 +15,8 @@ import pytest
 from fogbank.image import Image
 from fogbank_cli.exit_codes import DESCRIPTIONS, ExitCode
 from fogbank_cli.main import run
-from fogbank_cli.output import duration, quantity
+from fogbank_cli.output import Output, duration, quantity
+from fogbank_cli.watching import ProgressDisplay
 
 from tests.clients.conftest import ROOT
 from tests.clients.fake_job import ENDLESS, FAILING, PASSES, radiance
@@ -364,3 +365,25 @@ def test_numbers_are_written_for_people() -> None:
     assert duration(0.5) == "0.5 s"
     assert duration(185.2) == "3 min 05 s"
     assert duration(7620) == "2 h 07 min"
+
+
+def test_a_log_gets_a_line_for_each_tenth_of_a_long_render(capsys: pytest.CaptureFixture[str]) -> None:
+    display = ProgressDisplay(Output())
+    for step in range(101):
+        display.progress(
+            fogbank.Progress(
+                passes_done=step // 50,
+                passes_total=2,
+                samples_per_pixel_done=step,
+                fraction=step / 100,
+                rays=step,
+                rays_per_second=2e6,
+                elapsed_seconds=0.1 * step,
+                eta_seconds=10.0 - 0.1 * step,
+            )
+        )
+    # The first five seconds pass in silence: a short render needs no log.
+    assert capsys.readouterr().err.splitlines() == [
+        f"{percent} %: pass {percent // 50}/2, {percent} spp, 2 Mrays/s, {10 - percent / 10:.3g} s left"
+        for percent in range(50, 101, 10)
+    ]

@@ -18,6 +18,9 @@ from fogbank_cli.output import Output, duration, quantity
 # How soon a Ctrl-C is acted on while nothing else happens.
 _POLL_SECONDS = 0.1
 
+# A render that takes longer than this is worth lines about its progress in a log.
+_LONG_SECONDS = 5.0
+
 
 class Interrupts:
     """Counts Ctrl-C while a job is followed.
@@ -45,7 +48,7 @@ class Interrupts:
 
 
 class ProgressDisplay:
-    """A progress bar on a terminal; JSON events with `--json`; silent else."""
+    """A progress bar on a terminal; JSON events with `--json`; else a line for each tenth of a long render."""
 
     def __init__(self, output: Output) -> None:
         """The bar appears with the first report."""
@@ -61,10 +64,11 @@ class ProgressDisplay:
             disable=output.as_json,
         )
         self._task = self._bar.add_task("waiting", total=1.0, figures="")
+        self._tenths = 0
 
     def __enter__(self) -> Self:
         """Begins to draw."""
-        # Without a terminal rich would print the last state of the bar, which says nothing that the result does not.
+        # Without a terminal rich would only print the last state of the bar.
         if self._bar.console.is_terminal:
             self._bar.start()
         return self
@@ -90,6 +94,11 @@ class ProgressDisplay:
         figures = [f"{progress.samples_per_pixel_done} spp", quantity(progress.rays_per_second, "rays/s")]
         if progress.eta_seconds is not None:
             figures.append(f"{duration(progress.eta_seconds)} left")
+        tenths = int(10.0 * progress.fraction)
+        if not self._bar.live.is_started and not self._output.as_json and tenths > self._tenths:
+            self._tenths = tenths
+            if progress.elapsed_seconds >= _LONG_SECONDS:
+                self._output.note(f"{10 * tenths} %: {passes}, {', '.join(figures)}")
         self._bar.update(
             self._task, description=passes, completed=progress.fraction, figures=", ".join(figures), refresh=True
         )
