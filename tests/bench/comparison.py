@@ -19,7 +19,7 @@ first round each renders once without being measured: start-up, loading and just
 from __future__ import annotations
 
 import contextlib
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +46,10 @@ class Case:
     height: int
     max_depth: int
     mitsuba_rr_depth: int
+
+    def scaled(self, factor: float) -> Case:
+        """The same in another size."""
+        return replace(self, width=round(self.width * factor), height=round(self.height * factor))
 
 
 @dataclass

@@ -55,12 +55,15 @@ def main() -> None:
     arguments.add_argument("--threads", type=int, default=os.cpu_count(), help="threads of Fogbank's engine")
     options = arguments.parse_args()
     cases = [case for case in comparison.cases() if not options.scene or case.name in options.scene]
+    cases = [case.scaled(options.scale) for case in cases]
     if options.mitsuba_rr_depth is not None:
         cases = [dataclasses.replace(case, mitsuba_rr_depth=options.mitsuba_rr_depth) for case in cases]
 
     def run_comparison() -> str:
-        results = [comparison.compare(case, options.spp, options.rounds, options.threads) for case in cases]
-        save("comparison", results)
+        results = []
+        for case in cases:
+            results.append(comparison.compare(case, options.spp, options.rounds, options.threads))
+            save("comparison", results)
         return comparison.table(results)
 
     def run_embree() -> str:
