@@ -6,6 +6,7 @@ JOBS ?= $(shell nproc)
 
 build_folder := build/$(PRESET)
 python := .venv/bin/python
+export FOGBANK_SERVER_BINARY := $(CURDIR)/$(build_folder)/bin/fogbankd
 
 .DEFAULT_GOAL := help
 .PHONY: help setup stubs build demo test install bench soak format lint lock clean
@@ -38,8 +39,8 @@ install: build ## link the fogbank command into PREFIX/bin (default /usr/local)
 bench: build ## the figures of the README: speed against Mitsuba 3, streaming, start-up
 	@$(python) -m tests.bench.run
 
-soak: build ## the long tests: many jobs, clients that come and go, faults
-	@$(python) -m pytest tests -m soak
+soak: build ## many clients that come, go and cancel, for FOGBANK_SOAK_SECONDS (600)
+	@$(python) -m pytest tests -m soak --capture=no
 
 format: setup ## reformat C++ and Python in place
 	@git ls-files -z '*.cpp' '*.h' | xargs -0 --no-run-if-empty clang-format -i
