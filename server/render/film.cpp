@@ -18,7 +18,8 @@ Vec3d PixelSums::mean(uint32_t samples) const {
 
 Vec3d PixelSums::standard_error(uint32_t samples) const {
   if (samples < 2) return Vec3d(0);
-  const double odd_count = samples / 2;
+  const uint32_t odd_samples = samples / 2;
+  const double odd_count = odd_samples;
   const double even_count = samples - odd_count;
   return (even / even_count - odd / odd_count) * (std::sqrt(even_count * odd_count) / samples);
 }

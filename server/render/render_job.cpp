@@ -213,7 +213,7 @@ bool RenderJob::Implementation::render(const TileTask& task, const std::atomic<b
   return true;
 }
 
-RenderJob::RenderJob(std::shared_ptr<const transport::World> world, RenderSettings settings)
+RenderJob::RenderJob(std::shared_ptr<const transport::World> world, const RenderSettings& settings)
     : RenderJob(make_checked_integrator(std::move(world), settings), settings) {}
 
 RenderJob::RenderJob(std::unique_ptr<const integrators::Integrator> integrator, RenderSettings settings)

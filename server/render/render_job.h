@@ -106,7 +106,7 @@ struct Image {
 class RenderJob {
  public:
   /// Throws like `validate` and `make_integrator`.
-  RenderJob(std::shared_ptr<const transport::World> world, RenderSettings settings);
+  RenderJob(std::shared_ptr<const transport::World> world, const RenderSettings& settings);
   /// With an integrator that is made already; `settings.integrator` is only a name then.
   RenderJob(std::unique_ptr<const integrators::Integrator> integrator, RenderSettings settings);
   ~RenderJob();

@@ -108,7 +108,7 @@ void XmlElement::update_label() {
       const std::string quoted = quote(*value);
       where.element += std::string(" ") + attribute + "=\"" + quoted.substr(1, quoted.size() - 2) + "\"";
     }
-  where.element += ">";
+  where.element += '>';
 }
 
 XmlElement read_xml(std::string_view bytes, const std::string& file, int depth, XmlBudget& budget) {
