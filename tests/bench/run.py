@@ -47,6 +47,7 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description="Fogbank's benchmarks")
     arguments.add_argument("parts", nargs="*", metavar="PART", help="comparison, embree, loading, serving")
     arguments.add_argument("--scene", action="append", help="only this scene (comparison, embree)")
+    arguments.add_argument("--scale", type=float, default=1, help="of the images' sides")
     arguments.add_argument("--spp", type=int, default=16, help="samples per pixel of a round")
     arguments.add_argument(
         "--mitsuba-rr-depth", type=int, help="where its roulette begins; as the scenes say by default"
