@@ -147,7 +147,8 @@ def test_unix_socket_and_standard_input(tmp_path: Path) -> None:
     )
     with grpc.insecure_channel(f"unix:{socket}") as channel:
         health = health_pb2_grpc.HealthStub(channel)
-        answer = health.Check(health_pb2.HealthCheckRequest(), wait_for_ready=True, timeout=60)
+        check = health.Check  # type: ignore[attr-defined]  # the stub package lacks the methods
+        answer = check(health_pb2.HealthCheckRequest(), wait_for_ready=True, timeout=60)
         assert answer.status == health_pb2.HealthCheckResponse.SERVING
     assert process.stdin is not None
     process.stdin.close()

@@ -13,9 +13,7 @@ CROP = (
     '<integer name="crop_offset_x" value="30"/><integer name="crop_offset_y" value="25"/>'
     '<integer name="crop_width" value="20"/><integer name="crop_height" value="10"/>'
 )
-OFFSET = (
-    '<float name="principal_point_offset_x" value="0.1"/><float name="principal_point_offset_y" value="-0.2"/>'
-)
+OFFSET = '<float name="principal_point_offset_x" value="0.1"/><float name="principal_point_offset_y" value="-0.2"/>'
 LENS = '<float name="aperture_radius" value="0.3"/><float name="focus_distance" value="5"/>'
 
 
