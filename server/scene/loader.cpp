@@ -77,7 +77,7 @@ std::shared_ptr<Scene> load_scene(const std::string& main_path, std::shared_ptr<
   scene->fingerprint = radiance_fingerprint(parsed.objects, hashes);
   scene->load_times.meshes = mesh_watch.seconds();
 
-  scene->textures = std::make_unique<TextureLibrary>(files);
+  scene->textures = std::make_unique<TextureLibrary>(files, scene->lenient ? &scene->warnings : nullptr);
   const Stopwatch acceleration_watch;
   scene->intersector = std::make_unique<Intersector>(*scene);
   scene->load_times.acceleration = acceleration_watch.seconds();

@@ -22,23 +22,48 @@ const std::map<std::string, Constructor>& plugins() {
   return all;
 }
 
+constexpr int largest_depth = 32;
+
+/// Counts a level of nesting for its life time.
+class DepthGuard {
+ public:
+  explicit DepthGuard(int& depth) : depth_(depth) { ++depth_; }
+  ~DepthGuard() { --depth_; }
+  DepthGuard(const DepthGuard&) = delete;
+  DepthGuard& operator=(const DepthGuard&) = delete;
+
+ private:
+  int& depth_;
+};
+
 }  // namespace
 
-TextureLibrary::TextureLibrary(std::shared_ptr<FileSource> files) : files_(std::move(files)) {}
+TextureLibrary::TextureLibrary(std::shared_ptr<FileSource> files, std::vector<std::string>* warnings)
+    : files_(std::move(files)), warnings_(warnings) {}
 
 TexturePointer TextureLibrary::texture(const ObjectPointer& description) {
   const auto known = textures_.find(description.get());
   if (known != textures_.end()) return known->second.second;
   PropertyReader reader(*description);
+  const DepthGuard guard(depth_);
+  if (depth_ > largest_depth)
+    reader.fail("TEXTURES_NESTED_TOO_DEEPLY",
+                "textures are nested more than " + std::to_string(largest_depth) + " levels deep");
   const auto plugin = plugins().find(description->type);
-  if (plugin == plugins().end()) {
+  TexturePointer texture;
+  if (plugin != plugins().end()) {
+    texture = plugin->second(reader, *this);
+    reader.finish(warnings_);
+  } else {
     std::vector<std::string> names;
     for (const auto& [name, constructor] : plugins()) names.push_back(name);
-    reader.fail("UNKNOWN_PLUGIN", "texture " + quote(description->type) + " is not supported; supported: " +
-                                      list_names(names) + did_you_mean(description->type, names));
+    const std::string message = "texture " + quote(description->type) +
+                                " is not supported; supported: " + list_names(names) +
+                                did_you_mean(description->type, names);
+    if (warnings_ == nullptr) reader.fail("UNKNOWN_PLUGIN", message);
+    warnings_->push_back(description->where.to_string() + ": " + message + "; a grey of 0.5 stands in");
+    texture = constant_texture(Spectrum(0.5f));
   }
-  TexturePointer texture = plugin->second(reader, *this);
-  reader.finish();
   textures_[description.get()] = {description, texture};
   return texture;
 }

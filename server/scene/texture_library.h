@@ -43,10 +43,13 @@ using ImagePointer = std::shared_ptr<const Image>;
 /// immutable later.
 class TextureLibrary {
  public:
-  explicit TextureLibrary(std::shared_ptr<FileSource> files);
+  /// With `warnings`, loading is lenient: an unknown plugin becomes a grey of 0.5, an unknown parameter is
+  /// passed over, and each adds a warning. The list must outlive the library.
+  explicit TextureLibrary(std::shared_ptr<FileSource> files, std::vector<std::string>* warnings = nullptr);
 
-  /// Throws SceneError for an unknown plugin (naming the supported ones), a missing or damaged file, or one
-  /// over the size limits (checked against the header before anything is allocated).
+  /// Throws SceneError for an unknown plugin (naming the supported ones), textures nested more than 32 deep,
+  /// a missing or damaged file, or one over the size limits (checked against the header before anything is
+  /// allocated).
   TexturePointer texture(const ObjectPointer& description);
   /// `raw`: no sRGB decoding. Integer images (8 and 16 bits) are sRGB unless raw, float images linear. Two
   /// paths with the same content share one image.
@@ -55,6 +58,8 @@ class TextureLibrary {
 
  private:
   std::shared_ptr<FileSource> files_;
+  std::vector<std::string>* warnings_;
+  int depth_ = 0;  ///< of nested textures being built
   std::map<const ObjectDescription*, std::pair<ObjectPointer, TexturePointer>> textures_;
   std::map<std::string, std::string> hashes_;                    ///< logical path -> SHA-256 of the content
   std::map<std::pair<std::string, bool>, ImagePointer> images_;  ///< by content and `raw`

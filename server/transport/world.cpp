@@ -45,6 +45,7 @@ World::World(std::shared_ptr<scene::Scene> scene) : scene_(std::move(scene)) {
   bsdfs_.reserve(scene_->bsdfs.size());
   for (const scene::ObjectPointer& description : scene_->bsdfs) bsdfs_.push_back(builder.build(description));
   lights_of_ = build_lights(*scene_);
+  scene_->load_times.textures = scene_->textures->seconds();  // read while BSDFs and lights were built
   light_sampler_ = std::make_unique<LightSampler>(std::move(lights_of_.lights));
   for (const uint32_t index : light_sampler_->infinite_lights()) {
     if (!light_sampler_->light(index).is_delta()) environments_.push_back(index);

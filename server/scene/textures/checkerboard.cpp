@@ -11,16 +11,21 @@ namespace {
 class CheckerboardTexture final : public Texture {
  public:
   CheckerboardTexture(TexturePointer color0, TexturePointer color1, const Mat4d& to_uv)
-      : color0_(std::move(color0)), color1_(std::move(color1)), to_uv_(to_uv) {}
+      : color0_(std::move(color0)),
+        color1_(std::move(color1)),
+        to_uv_(to_uv),
+        mean_(0.5f * (color0_->mean() + color1_->mean())),
+        minimum_(std::min(color0_->minimum(), color1_->minimum())),
+        maximum_(std::max(color0_->maximum(), color1_->maximum())) {}
 
   Spectrum evaluate(const Vec2f& uv) const override { return field(uv).evaluate(uv); }
   float evaluate_scalar(const Vec2f& uv) const override { return field(uv).evaluate_scalar(uv); }
   Vec2f evaluate_scalar_gradient(const Vec2f& uv) const override {
     return field(uv).evaluate_scalar_gradient(uv);
   }
-  Spectrum mean() const override { return 0.5f * (color0_->mean() + color1_->mean()); }
-  float minimum() const override { return std::min(color0_->minimum(), color1_->minimum()); }
-  float maximum() const override { return std::max(color0_->maximum(), color1_->maximum()); }
+  Spectrum mean() const override { return mean_; }
+  float minimum() const override { return minimum_; }
+  float maximum() const override { return maximum_; }
 
  private:
   const Texture& field(const Vec2f& uv) const {
@@ -33,6 +38,10 @@ class CheckerboardTexture final : public Texture {
   TexturePointer color0_;
   TexturePointer color1_;
   UvTransform to_uv_;
+  // Kept, since asking nested checkerboards each time would take time exponential in their depth.
+  Spectrum mean_;
+  float minimum_;
+  float maximum_;
 };
 
 }  // namespace

@@ -244,5 +244,29 @@ TEST_F(TexturesTest, BadTexturesAreRefused) {
   expect_refused([&] { bitmap({property("colour", 1.0)}); }, "UNKNOWN_PARAMETER", "colour");
 }
 
+TEST_F(TexturesTest, LenientLoadingSubstitutesAndWarns) {
+  std::vector<std::string> warnings;
+  TextureLibrary lenient(files_, &warnings);
+  EXPECT_EQ(lenient.texture(object("texture", "marble", {}))->evaluate({0, 0}), Spectrum(0.5f));
+  EXPECT_EQ(lenient.texture(object("texture", "checkerboard", {property("lines", 3.0)}))->maximum(), 0.4f);
+  ASSERT_EQ(warnings.size(), 2u);
+  EXPECT_THAT(warnings[0], HasSubstr("scene.xml:5: <texture>: texture 'marble' is not supported"));
+  EXPECT_THAT(warnings[0], HasSubstr("a grey of 0.5 stands in"));
+  EXPECT_THAT(warnings[1], HasSubstr("lines"));
+}
+
+TEST_F(TexturesTest, DeepNestingIsRefusedAndWideNestingIsQuick) {
+  // Each level refers to the one below twice: asking all of them for a range would take 2^depth steps.
+  const auto nested = [&](int depth) {
+    ObjectPointer inner = object("texture", "checkerboard", {});
+    for (int level = 1; level < depth; ++level)
+      inner = object("texture", "checkerboard", {property("color0", inner), property("color1", inner)});
+    return inner;
+  };
+  EXPECT_EQ(library_.texture(nested(32))->maximum(), 0.4f);
+  expect_refused([&] { library_.texture(nested(33)); }, "TEXTURES_NESTED_TOO_DEEPLY",
+                 "more than 32 levels deep");
+}
+
 }  // namespace
 }  // namespace fogbank::scene::test
