@@ -178,7 +178,7 @@ def _private_folder() -> Path:
     if len(os.fsencode(folder)) + len("/socket") <= _LONGEST_SOCKET_PATH:
         return folder
     folder.rmdir()
-    return Path(tempfile.mkdtemp(prefix="fogbank-", dir="/tmp"))
+    raise ServerStartError(f"{folder.parent} is too long a path for a server's socket; set TMPDIR to a shorter one")
 
 
 def _stop(process: subprocess.Popen[bytes], folder: Path, owner: int) -> None:
