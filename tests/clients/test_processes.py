@@ -106,7 +106,7 @@ def test_a_temporary_folder_too_long_for_a_socket_is_named(tmp_path: Path, monke
     long = tmp_path / ("x" * 100)
     long.mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(long))
-    with pytest.raises(fogbank.ServerStartError, match="too long a path.*TMPDIR"):
+    with pytest.raises(fogbank.ServerStartError, match=r"too long a path.*TMPDIR"):
         fogbank.connect()
     assert list(long.iterdir()) == []
 
