@@ -7,6 +7,7 @@
 #include "scene/fingerprint.h"
 #include "scene/scene_builder.h"
 #include "scene/sensor_reader.h"
+#include "scene/text.h"
 #include "scene/xml/parser.h"
 
 namespace fogbank::scene {
@@ -74,6 +75,10 @@ std::shared_ptr<Scene> load_scene(const std::string& main_path, std::shared_ptr<
   SceneBuilder builder(*scene, *files, hashes);
   build(parsed.objects, builder);
   scene->bounds = surface_bounds(*scene);
+  // Shapes are checked one by one; only an instance's transform can still lead beyond.
+  if (!(scene->bounds.radius <= 4 * LoadLimits::coordinate))
+    throw Error(ErrorKind::invalid_argument, "COORDINATE_TOO_LARGE",
+                "the scene's instances extend beyond " + number_text(LoadLimits::coordinate));
   scene->fingerprint = radiance_fingerprint(parsed.objects, hashes);
   scene->load_times.meshes = mesh_watch.seconds();
 

@@ -26,6 +26,7 @@ struct LoadLimits {
   static constexpr size_t attribute_bytes = 1u << 20;
   static constexpr size_t file_bytes = size_t{2} << 30;
   static constexpr size_t triangles = 200'000'000;
+  static constexpr double coordinate = 1e15;  ///< in scene units, either sign: squares still fit a float
   static constexpr int image_side = 32768;
   static constexpr size_t image_bytes = size_t{1} << 30;  ///< decoded
 };

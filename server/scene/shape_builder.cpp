@@ -15,7 +15,7 @@
 namespace fogbank::scene {
 namespace {
 
-constexpr double largest_coordinate = 1e15;
+constexpr double largest_coordinate = LoadLimits::coordinate;
 /// Densities per area are floats: their reciprocal must stay far from infinity.
 constexpr double smallest_light_area = 1e-30;
 
@@ -44,6 +44,17 @@ Mat4d cylinder_to_world(PropertyReader& reader) {
   const Vec3d bitangent = glm::cross(axis, tangent);
   return {glm::dvec4(radius * tangent, 0), glm::dvec4(radius * bitangent, 0), glm::dvec4(length * axis, 0),
           glm::dvec4(p0, 1)};
+}
+
+void check_extent(const PropertyReader& reader, const Vec3d& position) {
+  const Vec3d size = glm::abs(position);
+  if (!(std::max({size.x, size.y, size.z}) <= largest_coordinate))
+    reader.fail("COORDINATE_TOO_LARGE", "the shape extends beyond " + number_text(largest_coordinate));
+}
+
+/// Of a round shape: centre and half axes.
+void check_extent(const PropertyReader& reader, const Mat4d& to_world) {
+  for (int column = 0; column < 4; ++column) check_extent(reader, Vec3d(to_world[column]));
 }
 
 /// Spheres stay spheres and cylinders stay round and straight.
@@ -147,6 +158,7 @@ void SceneBuilder::add_surface(const ObjectPointer& description, int32_t group) 
   } else {
     shape.mesh = add_mesh(reader, to_world);
   }
+  check_extent(reader, shape.to_world);
 
   const std::vector<ObjectPointer> bsdfs = reader.children("bsdf");
   if (bsdfs.size() > 1) reader.fail("DUPLICATE_PARAMETER", "a shape has one <bsdf>");
@@ -196,9 +208,7 @@ int32_t SceneBuilder::add_mesh(PropertyReader& reader, const Mat4d& to_world) {
                      "the scene has more than " + std::to_string(LoadLimits::triangles) + " triangles");
   transform_mesh(mesh, to_world);
   complete_vertex_normals(mesh);
-  for (const Vec3f& position : mesh.positions)
-    if (!is_finite(position))
-      reader.fail("INVALID_TRANSFORM", "'to_world' moves vertices beyond the largest float");
+  for (const Vec3f& position : mesh.positions) check_extent(reader, Vec3d(position));
   scene_.meshes.push_back(std::move(mesh));
   return static_cast<int32_t>(scene_.meshes.size()) - 1;
 }

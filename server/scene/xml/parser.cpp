@@ -108,9 +108,8 @@ class DescriptionBuilder {
 
   /// False (lenient, with a warning) for an element that the language doesn't have.
   bool accepts_tag(const XmlElement& element) {
+    if (is_known_tag(element.tag)) return true;
     const std::vector<std::string> tags = known_tags();
-    for (const std::string& tag : tags)
-      if (tag == element.tag) return true;
     if (!is_lenient_)
       fail(element, "UNKNOWN_ELEMENT",
            "unknown element; supported: " + list_names(tags) + did_you_mean(element.tag, tags));

@@ -50,6 +50,8 @@ bool is_plugin_tag(std::string_view tag) {
   return std::find(std::begin(plugin_tags), std::end(plugin_tags), tag) != std::end(plugin_tags);
 }
 
+bool is_known_tag(std::string_view tag) { return attribute_table().find(tag) != attribute_table().end(); }
+
 std::vector<std::string> known_tags() {
   std::vector<std::string> tags;
   for (const auto& entry : attribute_table()) tags.push_back(entry.first);

@@ -12,6 +12,8 @@ namespace fogbank::scene {
 /// Elements that describe an object by a plugin: `<bsdf type="...">` and so on.
 bool is_plugin_tag(std::string_view tag);
 
+bool is_known_tag(std::string_view tag);
+
 /// All elements of the language, sorted.
 std::vector<std::string> known_tags();
 

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <glm/gtc/matrix_transform.hpp>
 
+#include "scene/loader.h"
 #include "scene/text.h"
 #include "scene/xml/values.h"
 
@@ -76,8 +77,9 @@ Mat4d step_matrix(const XmlElement& step) {
 void check(const XmlElement& element, const Mat4d& m) {
   for (int column = 0; column < 4; ++column)
     for (int row = 0; row < 4; ++row)
-      if (!std::isfinite(static_cast<float>(m[column][row])))
-        fail(element, "the matrix has numbers that are not finite");
+      if (!(std::abs(m[column][row]) <= LoadLimits::coordinate))
+        fail(element,
+             "the matrix has numbers that are not finite or above " + number_text(LoadLimits::coordinate));
   if (m[0][3] != 0 || m[1][3] != 0 || m[2][3] != 0 || m[3][3] != 1)
     fail(element, "the matrix is projective: its last row must be 0 0 0 1");
   // |det| over the product of the columns' lengths is 1 for any scaled rotation, however small its scale, and

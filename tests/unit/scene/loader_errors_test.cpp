@@ -153,10 +153,12 @@ INSTANTIATE_TEST_SUITE_P(
                   "INVALID_TRANSFORM", "s.xml:2: <transform name=\"to_world\">: the matrix is singular"},
         ErrorCase{"<shape type='cube'><transform name='to_world'><scale value='nan'/></transform></shape>",
                   "INVALID_TRANSFORM",
-                  "s.xml:2: <transform name=\"to_world\">: the matrix has numbers that are not finite"},
+                  "s.xml:2: <transform name=\"to_world\">: the matrix has numbers that are not finite or "
+                  "above 1e+15"},
         ErrorCase{"<shape type='cube'><transform name='to_world'><translate x='1e300'/></transform></shape>",
                   "INVALID_TRANSFORM",
-                  "s.xml:2: <transform name=\"to_world\">: the matrix has numbers that are not finite"},
+                  "s.xml:2: <transform name=\"to_world\">: the matrix has numbers that are not finite or "
+                  "above 1e+15"},
         ErrorCase{
             "<shape type='cube'><transform name='to_world'><matrix value='1 0 0 0 0 1 0 0 0 0 1 0 0 0 1 1'/>"
             "</transform></shape>",
@@ -229,6 +231,17 @@ INSTANTIATE_TEST_SUITE_P(
             "value='1e-10'/></transform><emitter type='area'/></shape>",
             "ZERO_AREA_LIGHT",
             "s.xml:2: <shape type=\"sphere\">: the shape is a light and has (almost) no area"},
+        ErrorCase{"<shape type='cube'><transform name='to_world'><scale value='1e10'/><translate "
+                  "x='1e15'/></transform></shape>",
+                  "COORDINATE_TOO_LARGE", "s.xml:2: <shape type=\"cube\">: the shape extends beyond 1e+15"},
+        ErrorCase{"<shape type='cylinder'><point name='p1' value='0, 1, 3e38'/></shape>",
+                  "COORDINATE_TOO_LARGE",
+                  "s.xml:2: <shape type=\"cylinder\">: the shape extends beyond 1e+15"},
+        ErrorCase{"<shape type='shapegroup' id='g'><shape type='sphere'><float name='radius' "
+                  "value='1e15'/></shape></shape><shape type='instance'><ref id='g'/><transform "
+                  "name='to_world'><scale "
+                  "value='1e10'/></transform></shape>",
+                  "COORDINATE_TOO_LARGE", "the scene's instances extend beyond 1e+15"},
         ErrorCase{"<shape type='shapegroup'/>", "EMPTY_GROUP",
                   "s.xml:2: <shape type=\"shapegroup\">: a shapegroup needs at least one <shape>"},
         ErrorCase{"<shape type='instance'/>", "MISSING_PARAMETER",
