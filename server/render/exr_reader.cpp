@@ -16,7 +16,8 @@ std::vector<float> decode_rgb(const std::string& file, const scene::Window& wind
   OIIO::Filesystem::IOMemReader memory(const_cast<char*>(file.data()), file.size());  // only read
   OIIO::ImageSpec spec;
   if (!input->set_ioproxy(&memory) || !input->open("memory.exr", spec)) fail(input->geterror());
-  if (spec.x != window.x || spec.y != window.y || spec.width != window.width || spec.height != window.height) {
+  if (spec.x != window.x || spec.y != window.y || spec.width != window.width ||
+      spec.height != window.height) {
     fail("its data window is another one");
   }
   if (spec.nchannels < 3 || spec.channelnames[0] != "R" || spec.channelnames[1] != "G" ||
