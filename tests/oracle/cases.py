@@ -84,7 +84,7 @@ def project_cases() -> list[Case]:
     cases = []
     for name in ("shafts", "penumbra", "glow", "stairs"):
         folder = REPOSITORY / "scenes" / name
-        cases.append(Case(f"scenes_{name}", folder / f"{name}.xml", folder, small, reference_spp=256))
+        cases.append(Case(f"scenes_{name}", folder / f"{name}.xml", folder, small, reference_spp=64))
     return cases
 
 
