@@ -62,8 +62,6 @@ World::World(std::shared_ptr<scene::Scene> scene) : scene_(std::move(scene)) {
     info.extent = extent_of_medium(*scene_, i);
     media_.push_back(info);
   }
-  // Images are read when a BSDF or light first asks for them, so only now is it known how long that took.
-  scene_->load_times.textures = scene_->textures->seconds();
 }
 
 Spectrum World::visibility(const Vec3f& origin, const Vec3f& direction, float distance, int32_t medium,
