@@ -18,21 +18,27 @@ class CheckerboardTexture final : public Texture {
         minimum_(std::min(color0_->minimum(), color1_->minimum())),
         maximum_(std::max(color0_->maximum(), color1_->maximum())) {}
 
-  Spectrum evaluate(const Vec2f& uv) const override { return field(uv).evaluate(uv); }
-  float evaluate_scalar(const Vec2f& uv) const override { return field(uv).evaluate_scalar(uv); }
+  Spectrum evaluate(const Vec2f& uv) const override {
+    return is_first(uv) ? color0_->evaluate(uv) : color1_->evaluate(uv);
+  }
+  // Mitsuba 3.9.1 exchanges the fields where it wants a number (roughness, weight, opacity), and scenes are
+  // made to look right in it.
+  float evaluate_scalar(const Vec2f& uv) const override {
+    return is_first(uv) ? color1_->evaluate_scalar(uv) : color0_->evaluate_scalar(uv);
+  }
   Vec2f evaluate_scalar_gradient(const Vec2f& uv) const override {
-    return field(uv).evaluate_scalar_gradient(uv);
+    return is_first(uv) ? color1_->evaluate_scalar_gradient(uv) : color0_->evaluate_scalar_gradient(uv);
   }
   Spectrum mean() const override { return mean_; }
   float minimum() const override { return minimum_; }
   float maximum() const override { return maximum_; }
 
  private:
-  const Texture& field(const Vec2f& uv) const {
+  bool is_first(const Vec2f& uv) const {
     const Vec2f at = to_uv_.apply(uv);
     const bool right = at.x - std::floor(at.x) > 0.5f;
     const bool upper = at.y - std::floor(at.y) > 0.5f;
-    return right == upper ? *color0_ : *color1_;
+    return right == upper;
   }
 
   TexturePointer color0_;
