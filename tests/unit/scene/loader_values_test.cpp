@@ -81,7 +81,8 @@ struct SpectrumCase {
 
 TEST(SampledSpectra, AgreeWithMitsuba) {
   // Colours that Mitsuba 3.9.1 (scalar_rgb) computes with the same colour matching functions. A spectrum that
-  // begins or ends with a jump depends on the quadrature there: 0.5 % for the last one, 0.1 % for smooth ones.
+  // begins or ends with a jump depends on the quadrature there: 0.5 % for the last one, 0.1 % for smooth
+  // ones.
   const SpectrumCase cases[] = {
       {"400:0.1, 500:0.3, 600:0.9, 700:0.4",
        {0.929551f, 0.559676f, 0.155033f},
