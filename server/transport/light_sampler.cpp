@@ -10,6 +10,9 @@ namespace fogbank::transport {
 
 namespace {
 
+/// Part of the choice among the lights at infinity and the tree (or its lights, where it is a single leaf)
+/// that doesn't follow their importance.
+constexpr float even_share = 0.1f;
 /// Optical distances count for choosing lights only up to here: the proxy knows neither holes nor the end of
 /// the fog.
 constexpr float most_optical_distance = 4.0f;
@@ -283,6 +286,14 @@ LightSampler::Top LightSampler::top_of(const Place& place) const {
     add(bounds_importance(place, nodes_[0].bounds));
   }
   if (!std::isfinite(top.total)) top.total = 0;
+  // Proxies know nothing of occlusion: a light that seems weak beside a hidden strong one still gets a share.
+  if (top.count == 0) return top;
+  const float even = even_share * top.total / static_cast<float>(top.count);
+  for (size_t i = 0; i < top.count; ++i) {
+    if (top.weights[i] == 0) continue;
+    top.weights[i] += even;
+    top.total += even;
+  }
   return top;
 }
 
