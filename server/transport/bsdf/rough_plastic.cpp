@@ -81,12 +81,17 @@ class RoughPlastic final : public Bsdf {
                      float transmittance_o) const {
     const Vec3f m = glm::normalize(wo + wi);
     const float cosine = glm::dot(wo, m);
-    const float specular = 0.25f * fresnel_dielectric(cosine, eta_).reflectance * facets_.density(m) *
-                           facets_.masking_over_cosine(wo, m) * facets_.masking(wi, m);
+    // Opposite grazing directions have no half vector where denormals are flushed, as in render threads: m is
+    // no number.
+    const bool has_facet = cosine > 0.0f;
+    const float specular = has_facet
+                               ? 0.25f * fresnel_dielectric(cosine, eta_).reflectance * facets_.density(m) *
+                                     facets_.masking_over_cosine(wo, m) * facets_.masking(wi, m)
+                               : 0.0f;
     const float cosine_pdf = inv_pi * wi.z;
     const float diffuse = cosine_pdf * inverse_eta_squared_ * transmittance_o * coat_->transmittance(wi.z);
     const float probability = specular_probability(transmittance_o);
-    const float specular_pdf = cosine > 0.0f ? facets_.visible_normal_pdf(wo, m) / (4.0f * cosine) : 0.0f;
+    const float specular_pdf = has_facet ? facets_.visible_normal_pdf(wo, m) / (4.0f * cosine) : 0.0f;
     return {specular_(point) * specular + under_coat(diffuse_(point)) * diffuse,
             probability * specular_pdf + (1.0f - probability) * cosine_pdf};
   }
