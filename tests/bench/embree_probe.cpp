@@ -116,9 +116,10 @@ using namespace fogbank;
 
 extern "C" {
 
-EmbreeProbe fogbank_embree_probe_take() {
+void fogbank_embree_probe_take(EmbreeProbe* taken) {
   const std::lock_guard lock(mutex);
-  EmbreeProbe sum;
+  EmbreeProbe& sum = *taken;
+  sum = {};
   uint64_t ticks = 0;
   uint64_t replay_ticks = 0;
   for (const auto& thread : all_counters) {
@@ -131,7 +132,6 @@ EmbreeProbe fogbank_embree_probe_take() {
   sum.seconds =
       (static_cast<double>(ticks) - static_cast<double>(sum.rays) * ticks_of_clock()) * seconds_per_tick();
   sum.replay_seconds = static_cast<double>(replay_ticks) * seconds_per_tick();
-  return sum;
 }
 
 void rtcIntersect1(RTCScene scene, RTCIntersectContext* context, RTCRayHit* ray) {

@@ -13,7 +13,7 @@ struct EmbreeProbe {
 };
 
 /// Counts since the last call; no thread may be in Embree meanwhile.
-using EmbreeProbeTake = EmbreeProbe();
+using EmbreeProbeTake = void(EmbreeProbe* taken);
 inline constexpr const char* embree_probe_take_name = "fogbank_embree_probe_take";
 
 }  // namespace fogbank

@@ -77,7 +77,8 @@ struct Fixture {
 
     RandomStream random(1, 2, 3, 4);
     for (size_t i = 0; i < ray_count; ++i) {
-      const Vec2f film(static_cast<float>(i % 256) / 128 - 1, static_cast<float>(i / 256) / 128 - 1);
+      const size_t row = i / 256;
+      const Vec2f film(static_cast<float>(i % 256) / 128 - 1, static_cast<float>(row) / 128 - 1);
       coherent.push_back({{0, 0, 2.8f}, glm::normalize(Vec3f(film, -1.5f)), infinity});
       const Vec3f from = 1.5f * square_to_uniform_sphere(random.next_vec2());
       const Vec3f to = 1.5f * square_to_uniform_sphere(random.next_vec2());

@@ -77,7 +77,8 @@ class Bench {
     settings.seed = command.at("seed");
     render::RenderJob job(world_, settings);
     const auto take = reinterpret_cast<EmbreeProbeTake*>(dlsym(RTLD_DEFAULT, embree_probe_take_name));
-    if (take != nullptr) take();  // what was counted before
+    EmbreeProbe probe;
+    if (take != nullptr) take(&probe);  // what was counted before
     render::run_to_completion(job, command.at("threads"));
     const render::Progress progress = job.progress();
     Json answer{{"cpu_seconds", progress.cpu_seconds}, {"wall_seconds", progress.render_seconds},
@@ -85,7 +86,7 @@ class Bench {
                 {"passes", progress.passes_done},      {"invalid_samples", progress.invalid_samples}};
     if (const auto noise = job.relative_noise()) answer["relative_noise"] = *noise;
     if (take != nullptr) {
-      const EmbreeProbe probe = take();
+      take(&probe);
       answer["embree"] = {{"rays", probe.rays},
                           {"seconds", probe.seconds},
                           {"replayed_rays", probe.replayed_rays},

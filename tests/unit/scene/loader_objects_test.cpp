@@ -274,16 +274,16 @@ TEST(LoaderSensor, WhatOldScenesSayIsPassedOverAloud) {
       <sensor type="perspective"/>)",
                           "0.6.0");
   EXPECT_EQ(scene->defaults.max_depth, 9);
+  const std::string sampler =
+      "scene.xml:4: <sampler type=\"ldsampler\">: sampler 'ldsampler' is replaced by counter-based random "
+      "numbers";
   EXPECT_EQ(
       scene->warnings,
       (std::vector<std::string>{
           "scene.xml:1: <integrator type=\"sppm\">: integrator 'sppm' is replaced by 'volpath'",
           "scene.xml:5: <film type=\"ldrfilm\">: 'ldrfilm' is read as 'hdrfilm': pixels stay linear",
           "scene.xml:5: <rfilter type=\"lanczos\">: filter 'lanczos' is replaced by 'gaussian'",
-          "scene.xml:5: <film type=\"ldrfilm\">: parameter 'banner' is ignored",
-          "scene.xml:4: <sampler type=\"ldsampler\">: sampler 'ldsampler' is replaced by counter-based "
-          "random "
-          "numbers",
+          "scene.xml:5: <film type=\"ldrfilm\">: parameter 'banner' is ignored", sampler,
           "scene.xml:3: <sensor type=\"perspective\">: scale factors in the camera's 'to_world' are ignored",
           "scene.xml:6: <sensor type=\"perspective\">: passed over: the scene has a <sensor> already"}));
 }
@@ -358,7 +358,12 @@ TEST(Fingerprint, SharedReferencesCostOnce) {
   std::string body = "<bsdf type='diffuse' id='b0'/>";
   for (int i = 1; i <= 40; ++i) {
     const std::string inner = "<ref id='b" + std::to_string(i - 1) + "'/>";
-    body += "<bsdf type='blendbsdf' id='b" + std::to_string(i) + "'>" + inner + inner + "</bsdf>";
+    body += "<bsdf type='blendbsdf' id='b";
+    body += std::to_string(i);
+    body += "'>";
+    body += inner;
+    body += inner;
+    body += "</bsdf>";
   }
   EXPECT_EQ(fingerprint(body + "<shape type='cube'><ref id='b40'/></shape>").size(), 64u);
 }

@@ -86,7 +86,6 @@ struct RefusedScene {
 };
 
 TEST(SharedScenes, AreRefusedWithTheMessageTheyShould) {
-  const std::string tests = "tests/scenes/participating_media/";
   const RefusedScene scenes[] = {
       {"data/hetvol", "hetvol.xml", "HETEROGENEOUS_MEDIUM_UNSUPPORTED",
        "hetvol.xml:9: <medium type=\"heterogeneous\" id=\"smoke\">: heterogeneous media ('heterogeneous') "

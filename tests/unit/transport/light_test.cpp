@@ -273,7 +273,8 @@ TEST(AreaLights, StableFromNearToFar) {
   // A unit square seen from 1e-4 to 1e5: densities stay finite and the solid angle keeps its closed form.
   const RectangleLight light(Vec3f(-0.5f, -0.5f, 0), Vec3f(1, 0, 0), Vec3f(0, 1, 0),
                              {Vec2f(0, 0), Vec2f(1, 0), Vec2f(0, 1)}, unit_radiance());
-  for (double h = 1e-4; h < 2e5; h *= 10) {
+  for (int exponent = -4; exponent <= 5; ++exponent) {
+    const double h = std::pow(10.0, exponent);
     const double expected = 4 * std::atan(0.25 / (h * std::sqrt(0.5 + h * h)));
     EXPECT_NEAR(light.fluence(Vec3f(0, 0, static_cast<float>(h))) / expected, 1, 4e-3)
         << h;  // beyond 8 sizes the small-source form is used, which is off by (size / distance)^2 / 4
