@@ -22,9 +22,9 @@ namespace {
 /// each later on.
 constexpr int32_t camera_in_scatter_samples = 2;
 /// Roulette keeps a path with twice its throughput: half the walls' and the fog's loss is carried as weight.
-/// Measured on the project's scenes, variance x time is lowest at 2 (1: 1.3 times, 4: 1.1 times). In almost
-/// lossless media a fixed loss at every event would cut long walks short and make their weights wild, so the
-/// cap only ends paths that never would.
+/// Variance x time of scale 1 over scale 2, one noisy run each: glow 1.4, shafts 1.15, statues room 1.1; of 4
+/// over 2: 0.9, 1.2, 1.0. In almost lossless media a fixed loss at every event would cut long walks short and
+/// make their weights wild, so the cap only ends paths that never would.
 constexpr float roulette_scale = 2.0f;
 constexpr float most_survival = 0.999f;
 /// Null surfaces passed without a scattering event before a path is given up: a guard against surfaces that

@@ -26,7 +26,7 @@ struct BoundingSphere {
 struct RenderDefaults {
   std::string integrator = "volpath";
   int32_t max_depth = -1;  ///< path length in edges as in Mitsuba: 1 = emitted light only; -1 = unbounded
-  /// Not the file's: on the project's scenes 2 has half to a third of the variance x time that 5 and 8 have.
+  /// Not the file's: on scenes/penumbra 2 has half to a third of the variance x time that 5 and 8 have.
   int32_t rr_depth = 2;
   bool hide_emitters = false;
   int32_t samples_per_pixel = 16;
