@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "transport/medium_at.h"
+
 namespace fogbank::transport {
 
 namespace {
@@ -62,6 +64,7 @@ World::World(std::shared_ptr<scene::Scene> scene) : scene_(std::move(scene)) {
     info.extent = extent_of_medium(*scene_, i);
     media_.push_back(info);
   }
+  boundary_points_ = points_on_medium_boundaries(*scene_);
 }
 
 Spectrum World::visibility(const Vec3f& origin, const Vec3f& direction, float distance, int32_t medium,

@@ -40,6 +40,15 @@ class World {
     return glm::dot(direction, surface.geometric_normal) > 0 ? shape.exterior_medium : shape.interior_medium;
   }
 
+  /// Medium around a point in free space, scene::none in vacuum. Rays in fixed directions go to the nearest
+  /// surface that bounds a medium, through all that bound none, and the side they meet decides by majority; a
+  /// point that no such ray finds a boundary from asks rays aimed at the boundaries themselves. Where nothing
+  /// bounds a medium it is the sensor's. Inside a closed object that bounds no medium the answer is the
+  /// medium around the object: a surface with nothing said of its two sides (the walls of a room, a statue)
+  /// doesn't tell which is the inside. Needs `scene::prepare_render_thread`. About ten rays: ask once a
+  /// point.
+  int32_t medium_at(const Vec3f& x) const;
+
   /// What a BSDF looks at.
   static ShadingPoint shading_point(const scene::SurfaceInteraction& surface) {
     return {Frame::from_normal_and_tangent(surface.shading_normal, surface.dp_du), surface.geometric_normal,
@@ -58,6 +67,7 @@ class World {
   std::unique_ptr<LightSampler> light_sampler_;
   std::vector<uint32_t> environments_;
   std::vector<MediumInfo> media_;
+  std::vector<Vec3f> boundary_points_;  ///< on surfaces that bound a medium, some; empty when none does
 };
 
 }  // namespace fogbank::transport
