@@ -1,20 +1,11 @@
-#include "integrators/volpath.h"
+#include "transport/path_tracer.h"
 
 #include <algorithm>
 #include <optional>
 
-namespace fogbank::integrators {
+#include "core/sampling.h"
 
-using transport::BsdfSample;
-using transport::BsdfValue;
-using transport::DistanceTable;
-using transport::Light;
-using transport::LightChoice;
-using transport::LightReceiver;
-using transport::LightSample;
-using transport::MediumInfo;
-using transport::MediumSegment;
-using transport::ShadingPoint;
+namespace fogbank::transport {
 
 namespace {
 
@@ -54,24 +45,28 @@ Vec3f channel_weights(const Spectrum& throughput) {
 
 /// State of one path. `last_*` tell how the current direction was drawn: what MIS needs when it meets a
 /// light.
-struct VolumetricPathTracer::Path {
+struct PathTracer::Path {
   Ray ray;
   Spectrum throughput{1};
   int32_t medium = scene::none;
   int32_t depth = 0;  ///< scattering events so far
   float eta = 1;      ///< product of relative indices, which radiance scales by and roulette must not see
 
-  enum class Last : uint8_t { specular, surface, medium } last = Last::specular;
-  float last_pdf = 0;  ///< density of the direction (surface), of distance and direction (medium)
+  int32_t null_events = 0;    ///< surfaces passed straight on
+  bool sees_emission = true;  ///< emission that the ray meets counts
+
+  /// A Dirac lobe; a direction drawn at a given point; a distance and a direction drawn along a segment.
+  enum class Last : uint8_t { specular, point, segment } last = Last::specular;
+  float last_pdf = 0;  ///< density of the direction (point), of distance and direction (segment)
   Vec3f last_position{0};
-  LightReceiver last_receiver;  ///< surface only
+  LightReceiver last_receiver;  ///< point only
   MediumSegment last_segment;
   float last_distance = 0;   ///< along last_segment
   int32_t last_samples = 1;  ///< samples that in-scattering took along last_segment
 };
 
-Spectrum VolumetricPathTracer::in_scattered(const Path& path, const MediumSegment& segment, int32_t samples,
-                                            RandomStream& random, RayCounters& counters) const {
+Spectrum PathTracer::in_scattered(const Path& path, const MediumSegment& segment, int32_t samples,
+                                  RandomStream& random, RayCounters& counters) const {
   const MediumInfo& medium = *segment.medium;
   Spectrum sum(0);
   std::optional<DistanceTable> table;
@@ -97,7 +92,7 @@ Spectrum VolumetricPathTracer::in_scattered(const Path& path, const MediumSegmen
     const float phase = medium.phase.evaluate(segment.direction, sample->direction);
     const float pdf = choice->probability * table->pdf(t) * sample->pdf;
     const Spectrum scattered =
-        medium.sigma_s * transport::transmittance(medium.sigma_t, t) * sample->radiance * (phase / pdf);
+        medium.sigma_s * transmittance(medium.sigma_t, t) * sample->radiance * (phase / pdf);
     if (!(pdf > 0) || is_black(scattered)) continue;
     const Spectrum visible =
         world_->visibility(position, sample->direction, sample->distance, path.medium, counters);
@@ -110,20 +105,18 @@ Spectrum VolumetricPathTracer::in_scattered(const Path& path, const MediumSegmen
   return sum / static_cast<float>(samples);
 }
 
-LightReceiver VolumetricPathTracer::receiver_at(const scene::SurfaceInteraction& surface,
-                                                const transport::Bsdf& bsdf, float cos_viewer,
-                                                int32_t medium) const {
+LightReceiver PathTracer::receiver_at(const scene::SurfaceInteraction& surface, const Bsdf& bsdf,
+                                      float cos_viewer, int32_t medium) const {
   return {surface.position,
           bsdf.transmits() ? Vec3f(0) : (cos_viewer > 0 ? surface.shading_normal : -surface.shading_normal),
           medium == scene::none ? 0 : world_->medium(medium).mean_sigma_t};
 }
 
-Spectrum VolumetricPathTracer::direct_light(const scene::SurfaceInteraction& surface,
-                                            const Vec3f& ray_direction, int32_t medium, RandomStream& random,
-                                            RayCounters& counters) const {
-  const transport::Bsdf& bsdf = world_->bsdf(surface.shape);
+Spectrum PathTracer::direct_light(const scene::SurfaceInteraction& surface, const Vec3f& ray_direction,
+                                  int32_t medium, RandomStream& random, RayCounters& counters) const {
+  const Bsdf& bsdf = world_->bsdf(surface.shape);
   if (!bsdf.has_smooth_lobes()) return Spectrum(0);
-  const ShadingPoint point = transport::World::shading_point(surface);
+  const ShadingPoint point = World::shading_point(surface);
   const Vec3f wo = point.frame.to_local(-ray_direction);
   const LightReceiver receiver = receiver_at(surface, bsdf, wo.z, medium);
   float u = random.next_float();
@@ -145,8 +138,8 @@ Spectrum VolumetricPathTracer::direct_light(const scene::SurfaceInteraction& sur
   return bsdf_value.value * sample->radiance * visible * (weight / pdf);
 }
 
-float VolumetricPathTracer::emitter_weight(const Path& path, uint32_t light_index, const Vec3f& direction,
-                                           const scene::SurfaceInteraction* hit) const {
+float PathTracer::emitter_weight(const Path& path, uint32_t light_index, const Vec3f& direction,
+                                 const scene::SurfaceInteraction* hit) const {
   if (path.last == Path::Last::specular) return 1;
   const Light& light = world_->lights().light(light_index);
   // The hit's distance counts from the last scattering event, null surfaces in between notwithstanding.
@@ -156,7 +149,7 @@ float VolumetricPathTracer::emitter_weight(const Path& path, uint32_t light_inde
     seen->distance = glm::length(hit->position - path.last_position);
   }
   const float direction_pdf = light.pdf(path.last_position, direction, hit != nullptr ? &*seen : nullptr);
-  if (path.last == Path::Last::surface) {
+  if (path.last == Path::Last::point) {
     return power_heuristic(path.last_pdf,
                            world_->lights().probability(path.last_receiver, light_index) * direction_pdf);
   }
@@ -167,7 +160,7 @@ float VolumetricPathTracer::emitter_weight(const Path& path, uint32_t light_inde
   return power_heuristic(path.last_pdf, pdf * static_cast<float>(path.last_samples));
 }
 
-bool VolumetricPathTracer::survives_roulette(Path& path, RandomStream& random) const {
+bool PathTracer::survives_roulette(Path& path, RandomStream& random) const {
   if (path.depth < settings_.rr_depth) return true;
   const float survival =
       std::fmin(roulette_scale * max_component(path.throughput) * sqr(path.eta), most_survival);
@@ -176,8 +169,8 @@ bool VolumetricPathTracer::survives_roulette(Path& path, RandomStream& random) c
   return true;
 }
 
-Spectrum VolumetricPathTracer::emission(const Path& path, const scene::SurfaceInteraction* surface) const {
-  if (path.depth == 0 && settings_.hide_emitters) return Spectrum(0);
+Spectrum PathTracer::emission(const Path& path, const scene::SurfaceInteraction* surface) const {
+  if (!path.sees_emission) return Spectrum(0);
   const Vec3f& direction = path.ray.direction;
   if (surface == nullptr) {
     Spectrum sum(0);
@@ -188,22 +181,48 @@ Spectrum VolumetricPathTracer::emission(const Path& path, const scene::SurfaceIn
     return sum;
   }
   const uint32_t light = world_->light_of_hit(surface->shape, surface->primitive);
-  if (light == transport::SceneLights::no_light) return Spectrum(0);
+  if (light == SceneLights::no_light) return Spectrum(0);
   const Spectrum emitted = world_->lights().light(light).emitted(direction, surface);
   return is_black(emitted) ? emitted : emitted * emitter_weight(path, light, direction, surface);
 }
 
-Spectrum VolumetricPathTracer::radiance(const Ray& camera_ray, RandomStream& random,
-                                        RayCounters& counters) const {
+bool PathTracer::may_scatter(const Path& path) const {
+  return settings_.max_depth < 0 || path.depth + 1 < settings_.max_depth;
+}
+
+bool PathTracer::scatter(Path& path, const scene::SurfaceInteraction& surface, RandomStream& random) const {
+  const Bsdf& bsdf = world_->bsdf(surface.shape);
+  const ShadingPoint point = World::shading_point(surface);
+  const Vec3f wo = point.frame.to_local(-path.ray.direction);
+  const float u_lobe = random.next_float();
+  const std::optional<BsdfSample> sample = bsdf.sample(point, wo, u_lobe, random.next_vec2());
+  if (!sample) return false;
+  path.throughput *= sample->weight;
+  if (is_black(path.throughput)) return false;
+  const Vec3f direction =
+      sample->null ? path.ray.direction : glm::normalize(point.frame.to_world(sample->wi));
+  if (sample->null) {
+    if (++path.null_events > most_null_events) return false;
+  } else {
+    if (!may_scatter(path)) return false;
+    ++path.depth;
+    path.sees_emission = true;
+    path.eta *= sample->eta;
+    path.last = sample->delta ? Path::Last::specular : Path::Last::point;
+    path.last_pdf = sample->pdf;
+    path.last_position = surface.position;
+    path.last_receiver = receiver_at(surface, bsdf, wo.z, path.medium);
+    if (!survives_roulette(path, random)) return false;
+  }
+  path.medium = world_->medium_beyond(surface, direction, path.medium);
+  path.ray = {surface.spawn_origin(direction), direction, infinity};
+  return true;
+}
+
+Spectrum PathTracer::trace(Path& path, RandomStream& random, RayCounters& counters) const {
   const scene::Scene& scene = world_->scene();
   const bool lit = world_->lights().size() > 0;
   Spectrum radiance(0);
-  Path path;
-  path.ray = camera_ray;
-  path.medium = scene.sensor.medium;
-  int32_t null_events = 0;
-  const auto may_scatter = [&] { return settings_.max_depth < 0 || path.depth + 1 < settings_.max_depth; };
-  if (settings_.max_depth == 0) return radiance;
 
   while (true) {
     scene::Hit hit;
@@ -212,8 +231,7 @@ Spectrum VolumetricPathTracer::radiance(const Ray& camera_ray, RandomStream& ran
     const MediumInfo* medium = path.medium == scene::none ? nullptr : &world_->medium(path.medium);
     const MediumSegment segment{path.ray.origin, path.ray.direction, found ? hit.distance : infinity, medium,
                                 channel_weights(path.throughput)};
-    const Spectrum through =
-        medium == nullptr ? Spectrum(1) : transport::transmittance(medium->sigma_t, segment.length);
+    const Spectrum through = medium == nullptr ? Spectrum(1) : transmittance(medium->sigma_t, segment.length);
 
     // What the end of the segment sends out directly is weighted with the transmittance itself; only the
     // path's continuation depends on where a random distance falls.
@@ -225,11 +243,11 @@ Spectrum VolumetricPathTracer::radiance(const Ray& camera_ray, RandomStream& ran
         radiance += path.throughput * through * emission(path, surface ? &*surface : nullptr);
     }
     const bool lit_before_distance = path.depth == 0 && surface.has_value();
-    if (lit_before_distance && lit && may_scatter())
+    if (lit_before_distance && lit && may_scatter(path))
       radiance += path.throughput * through *
                   direct_light(*surface, path.ray.direction, path.medium, random, counters);
 
-    if (medium != nullptr && !(may_scatter() && !is_black(medium->sigma_s * path.throughput))) {
+    if (medium != nullptr && !(may_scatter(path) && !is_black(medium->sigma_s * path.throughput))) {
       // Nothing is scattered here, or nothing more may be: what gets through needs no sampling.
       path.throughput *= through;
     } else if (medium != nullptr) {
@@ -239,11 +257,12 @@ Spectrum VolumetricPathTracer::radiance(const Ray& camera_ray, RandomStream& ran
       const float t = segment.sample_distance(u_channel, random.next_float());
       if (t < segment.length) {
         const float distance_pdf = segment.scatter_pdf(t);
-        path.throughput *= medium->sigma_s * transport::transmittance(medium->sigma_t, t) / distance_pdf;
+        path.throughput *= medium->sigma_s * transmittance(medium->sigma_t, t) / distance_pdf;
         ++path.depth;
+        path.sees_emission = true;
         if (!survives_roulette(path, random)) break;
-        const transport::PhaseSample phase = medium->phase.sample(path.ray.direction, random.next_vec2());
-        path.last = Path::Last::medium;
+        const PhaseSample phase = medium->phase.sample(path.ray.direction, random.next_vec2());
+        path.last = Path::Last::segment;
         path.last_pdf = distance_pdf * phase.pdf;
         path.last_segment = segment;
         path.last_distance = t;
@@ -258,35 +277,66 @@ Spectrum VolumetricPathTracer::radiance(const Ray& camera_ray, RandomStream& ran
     if (!found || is_black(path.throughput)) break;
 
     if (!surface) surface = scene.interaction(path.ray, hit);
-    if (!lit_before_distance && lit && may_scatter())
+    if (!lit_before_distance && lit && may_scatter(path))
       radiance += path.throughput * direct_light(*surface, path.ray.direction, path.medium, random, counters);
-
-    const transport::Bsdf& bsdf = world_->bsdf(surface->shape);
-    const ShadingPoint point = transport::World::shading_point(*surface);
-    const Vec3f wo = point.frame.to_local(-path.ray.direction);
-    const float u_lobe = random.next_float();
-    const std::optional<BsdfSample> sample = bsdf.sample(point, wo, u_lobe, random.next_vec2());
-    if (!sample) break;
-    path.throughput *= sample->weight;
-    if (is_black(path.throughput)) break;
-    const Vec3f direction =
-        sample->null ? path.ray.direction : glm::normalize(point.frame.to_world(sample->wi));
-    if (sample->null) {
-      if (++null_events > most_null_events) break;
-    } else {
-      if (!may_scatter()) break;
-      ++path.depth;
-      path.eta *= sample->eta;
-      path.last = sample->delta ? Path::Last::specular : Path::Last::surface;
-      path.last_pdf = sample->pdf;
-      path.last_position = surface->position;
-      path.last_receiver = receiver_at(*surface, bsdf, wo.z, path.medium);
-      if (!survives_roulette(path, random)) break;
-    }
-    path.medium = world_->medium_beyond(*surface, direction, path.medium);
-    path.ray = {surface->spawn_origin(direction), direction, infinity};
+    if (!scatter(path, *surface, random)) break;
   }
   return radiance;
 }
 
-}  // namespace fogbank::integrators
+Spectrum PathTracer::radiance(const Ray& ray, RandomStream& random, RayCounters& counters) const {
+  if (settings_.max_depth == 0) return Spectrum(0);
+  Path path;
+  path.ray = ray;
+  path.medium = world_->scene().sensor.medium;
+  path.sees_emission = !settings_.hide_emitters;
+  return trace(path, random, counters);
+}
+
+Spectrum PathTracer::scattered_radiance(const scene::SurfaceInteraction& surface, const Vec3f& ray_direction,
+                                        int32_t medium, int32_t depth, RandomStream& random,
+                                        RayCounters& counters) const {
+  Path path;
+  path.ray.direction = ray_direction;
+  path.medium = medium;
+  path.depth = depth;
+  path.sees_emission = false;
+  if (!may_scatter(path)) return Spectrum(0);
+  Spectrum radiance(0);
+  if (world_->lights().size() > 0) radiance = direct_light(surface, ray_direction, medium, random, counters);
+  if (scatter(path, surface, random)) radiance += trace(path, random, counters);
+  return radiance;
+}
+
+Spectrum PathTracer::mean_radiance(const Vec3f& position, int32_t medium, int32_t depth, RandomStream& random,
+                                   RayCounters& counters) const {
+  Path path;
+  path.medium = medium;
+  path.depth = depth;
+  if (!may_scatter(path)) return Spectrum(0);
+  Spectrum radiance(0);
+  const LightReceiver receiver{position, Vec3f(0),
+                               medium == scene::none ? 0 : world_->medium(medium).mean_sigma_t};
+  float u = random.next_float();
+  const Vec2f u_light = random.next_vec2();
+  if (const std::optional<LightChoice> choice = world_->lights().choose(receiver, u)) {
+    const Light& light = world_->lights().light(choice->light);
+    const std::optional<LightSample> sample = light.sample(position, u_light);
+    if (sample && !is_black(sample->radiance)) {
+      const float pdf = choice->probability * sample->pdf;
+      const float weight = light.is_delta() ? 1.0f : power_heuristic(pdf, inv_4pi);
+      radiance = world_->visibility(position, sample->direction, sample->distance, medium, counters) *
+                 sample->radiance * (inv_4pi * weight / pdf);
+    }
+  }
+  ++path.depth;
+  path.sees_emission = true;
+  path.last = Path::Last::point;
+  path.last_pdf = inv_4pi;
+  path.last_position = position;
+  path.last_receiver = receiver;
+  path.ray = {position, square_to_uniform_sphere(random.next_vec2()), infinity};
+  return radiance + trace(path, random, counters);
+}
+
+}  // namespace fogbank::transport

@@ -1,0 +1,79 @@
+// The path-tracing kernel: unbiased estimates of radiance along rays, leaving surfaces and inside media.
+//
+// Surfaces: next-event estimation and BSDF sampling, combined by multiple importance sampling (power
+// heuristic). Media: along every segment the light scattered in once is estimated apart from the path's
+// continuation. Its distance is drawn from the tabulated importance of one light (transmittance times the
+// closed-form unoccluded proxy Mhat, ratio-records.md sections 1 and 4), its direction by the light's solid
+// angle; the continuation draws its distance by transmittance (per channel, one-sample spectral MIS) and its
+// direction from the phase function. Both can reach an emitter with an extent, so they are combined by MIS
+// over the product density of distance and direction.
+#pragma once
+
+#include <memory>
+
+#include "core/random.h"
+#include "transport/world.h"
+
+namespace fogbank::transport {
+
+struct PathSettings {
+  int32_t max_depth =
+      -1;  ///< edges of a whole path, as Mitsuba's: 1 = emitted light only, 2 = one bounce; -1 = unbounded
+  int32_t rr_depth = 2;        ///< Russian roulette by throughput from this number of scattering events on
+  bool hide_emitters = false;  ///< from camera rays
+};
+
+/// Immutable; one instance serves all threads, each of which has called scene::prepare_render_thread(). Every
+/// function draws one sample, linear sRGB, >= 0, from the stream it is given and from nothing else; a sample
+/// is finite unless the scene's own numbers overflow.
+class PathTracer {
+ public:
+  PathTracer(std::shared_ptr<const World> world, const PathSettings& settings)
+      : world_(std::move(world)), settings_(settings) {}
+
+  const World& world() const { return *world_; }
+
+  /// Radiance that arrives along a camera ray.
+  Spectrum radiance(const Ray& ray, RandomStream& random, RayCounters& counters) const;
+
+  /// Radiance that `surface` sends against `ray_direction` because it scatters light: reflected and
+  /// transmitted, without its own emission. Light that comes straight on through the surface (null and mask
+  /// components) is included with the exception of emission, which belongs to whoever samples the lights
+  /// seen from the ray's origin. `medium`: where the ray arrives, scene::none for vacuum. `depth`: scattering
+  /// events before this one, so that the light sampled here ends a path of depth + 2 edges.
+  Spectrum scattered_radiance(const scene::SurfaceInteraction& surface, const Vec3f& ray_direction,
+                              int32_t medium, int32_t depth, RandomStream& random,
+                              RayCounters& counters) const;
+
+  /// Mean incoming radiance (fluence / 4 pi) at `position` in `medium` (scene::none for vacuum), whatever the
+  /// medium's phase function. `depth` as above.
+  Spectrum mean_radiance(const Vec3f& position, int32_t medium, int32_t depth, RandomStream& random,
+                         RayCounters& counters) const;
+
+ private:
+  struct Path;
+
+  /// Everything that arrives along the path's ray.
+  Spectrum trace(Path& path, RandomStream& random, RayCounters& counters) const;
+  Spectrum in_scattered(const Path& path, const MediumSegment& segment, int32_t samples, RandomStream& random,
+                        RayCounters& counters) const;
+  /// Light reflected at `surface` towards where the ray came from, by next-event estimation.
+  Spectrum direct_light(const scene::SurfaceInteraction& surface, const Vec3f& ray_direction, int32_t medium,
+                        RandomStream& random, RayCounters& counters) const;
+  LightReceiver receiver_at(const scene::SurfaceInteraction& surface, const Bsdf& bsdf, float cos_viewer,
+                            int32_t medium) const;
+  /// Emission met by the path's ray, weighted by MIS: of `surface`, or of the environment when null.
+  Spectrum emission(const Path& path, const scene::SurfaceInteraction* surface) const;
+  float emitter_weight(const Path& path, uint32_t light, const Vec3f& direction,
+                       const scene::SurfaceInteraction* hit) const;
+  bool survives_roulette(Path& path, RandomStream& random) const;
+  /// May the path scatter once more and then still reach a light?
+  bool may_scatter(const Path& path) const;
+  /// Goes on from `surface` in a direction drawn from its BSDF; false where the path ends.
+  bool scatter(Path& path, const scene::SurfaceInteraction& surface, RandomStream& random) const;
+
+  std::shared_ptr<const World> world_;
+  PathSettings settings_;
+};
+
+}  // namespace fogbank::transport
