@@ -2,8 +2,10 @@
 // One file per method, one line in estimator_registry.cpp.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,6 +23,14 @@ enum class Order : uint8_t { single, multiple, both };
 /// Value first, derivatives on demand: what isn't asked for isn't computed.
 enum class DerivativeOrder : uint8_t { value, gradient, hessian };
 
+/// Ranges of the settings.
+struct EstimatorLimits {
+  static constexpr int32_t fewest_samples = 16;
+  static constexpr int32_t most_samples = 1 << 20;
+  static constexpr int32_t most_repeats = 1024;
+  static constexpr int32_t path_depth = 1 << 20;  ///< of max_depth
+};
+
 struct EstimatorSettings {
   Order order = Order::both;
   DerivativeOrder derivatives = DerivativeOrder::hessian;
@@ -36,6 +46,9 @@ struct EstimatorSettings {
   bool corners = false;  ///< T-junction term, method.md section 6.4 (b)
   uint64_t seed = 0;
 };
+
+/// Throws Error(invalid_argument, "INVALID_SETTINGS"); the message begins with the field's name and a colon.
+void validate(const EstimatorSettings& settings);
 
 /// What an estimator found at a point.
 struct PointEstimate {
@@ -61,9 +74,11 @@ class Estimator {
 
 /// Averages `settings.repeats` estimates.
 PointEstimate average(const Estimator& estimator, const EstimatorSettings& settings, const Vec3f& x);
+/// As above; nullopt when `stop` was set meanwhile, which is looked at between two estimates.
+std::optional<PointEstimate> average(const Estimator& estimator, const EstimatorSettings& settings,
+                                     const Vec3f& x, const std::atomic<bool>& stop);
 
-/// Throws Error(invalid_argument, "UNKNOWN_METHOD") naming the known ones, "INVALID_SETTINGS" naming the
-/// field.
+/// Throws Error(invalid_argument, "UNKNOWN_METHOD") naming the known ones, and as `validate`.
 std::unique_ptr<Estimator> make_estimator(const std::string& method,
                                           std::shared_ptr<const transport::World> world,
                                           const EstimatorSettings& settings);

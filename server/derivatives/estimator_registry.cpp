@@ -49,19 +49,35 @@ struct Moments {
   }
 };
 
-void check(bool valid, const std::string& what) {
-  if (!valid) throw Error(ErrorKind::invalid_argument, "INVALID_SETTINGS", what);
+void check_range(const char* field, int32_t value, int32_t lowest, int32_t highest) {
+  if (value >= lowest && value <= highest) return;
+  throw Error(ErrorKind::invalid_argument, "INVALID_SETTINGS",
+              std::string(field) + ": " + std::to_string(value) + " is not in " + std::to_string(lowest) +
+                  " .. " + std::to_string(highest));
 }
 
 }  // namespace
 
+void validate(const EstimatorSettings& settings) {
+  check_range("samples", settings.samples, EstimatorLimits::fewest_samples, EstimatorLimits::most_samples);
+  check_range("repeats", settings.repeats, 1, EstimatorLimits::most_repeats);
+  check_range("max_depth", settings.max_depth, -1, EstimatorLimits::path_depth);
+}
+
 PointEstimate average(const Estimator& estimator, const EstimatorSettings& settings, const Vec3f& x) {
+  const std::atomic<bool> never = false;
+  return *average(estimator, settings, x, never);
+}
+
+std::optional<PointEstimate> average(const Estimator& estimator, const EstimatorSettings& settings,
+                                     const Vec3f& x, const std::atomic<bool>& stop) {
   const auto start = std::chrono::steady_clock::now();
   PointEstimate result;
   RayCounters counters;
   std::array<Moments, 3> channels;
   Moments luminance;
   for (int32_t repeat = 0; repeat < settings.repeats; ++repeat) {
+    if (stop) return std::nullopt;
     const RadianceJet sample = estimator.estimate(x, static_cast<uint32_t>(repeat), counters);
     for (size_t c = 0; c < 3; ++c) channels[c].add(sample.channels[c], repeat + 1);
     luminance.add(sample.luminance(), repeat + 1);
@@ -79,9 +95,7 @@ PointEstimate average(const Estimator& estimator, const EstimatorSettings& setti
 std::unique_ptr<Estimator> make_estimator(const std::string& method,
                                           std::shared_ptr<const transport::World> world,
                                           const EstimatorSettings& settings) {
-  check(settings.samples >= 16 && settings.samples <= 1 << 20, "samples must be between 16 and 1048576");
-  check(settings.repeats >= 1 && settings.repeats <= 1024, "repeats must be between 1 and 1024");
-  check(settings.max_depth >= -1, "max_depth must be -1 (unbounded) or more");
+  validate(settings);
   std::string known;
   for (const Entry& entry : entries()) {
     if (entry.info.name == method) return entry.make(std::move(world), settings);
