@@ -75,9 +75,12 @@ def write_ply(path: Path, mesh: Mesh) -> None:
     positions = np.round(mesh.positions * POSITION_STEPS) / POSITION_STEPS
     normals = np.round(mesh.normals / lengths * NORMAL_STEPS) / NORMAL_STEPS
     vertices = np.concatenate([positions, normals], axis=1).astype("<f4")
-    faces = np.zeros(len(mesh.triangles), dtype=[("count", "u1"), ("indices", "<i4", (3,))])
+    corners = positions[mesh.triangles]
+    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    triangles = mesh.triangles[np.any(crosses != 0.0, axis=1)]  # rounding may have left some without area
+    faces = np.zeros(len(triangles), dtype=[("count", "u1"), ("indices", "<i4", (3,))])
     faces["count"] = 3
-    faces["indices"] = mesh.triangles
+    faces["indices"] = triangles
     header = "\n".join(
         ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
         + [f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")]
