@@ -300,11 +300,11 @@ Spectrum PathTracer::scattered_radiance(const scene::SurfaceInteraction& surface
   path.ray.direction = ray_direction;
   path.medium = medium;
   path.depth = depth;
-  path.sees_emission = false;
   if (!may_scatter(path)) return Spectrum(0);
   Spectrum radiance(0);
   if (world_->lights().size() > 0) radiance = direct_light(surface, ray_direction, medium, random, counters);
-  if (scatter(path, surface, random)) radiance += trace(path, random, counters);
+  const bool continues = scatter(path, surface, random);
+  if (continues && path.null_events == 0) radiance += trace(path, random, counters);
   return radiance;
 }
 
@@ -330,7 +330,6 @@ Spectrum PathTracer::mean_radiance(const Vec3f& position, int32_t medium, int32_
     }
   }
   ++path.depth;
-  path.sees_emission = true;
   path.last = Path::Last::point;
   path.last_pdf = inv_4pi;
   path.last_position = position;

@@ -37,10 +37,10 @@ class PathTracer {
   Spectrum radiance(const Ray& ray, RandomStream& random, RayCounters& counters) const;
 
   /// Radiance that `surface` sends against `ray_direction` because it scatters light: reflected and
-  /// transmitted, without its own emission. Light that comes straight on through the surface (null and mask
-  /// components) is included with the exception of emission, which belongs to whoever samples the lights
-  /// seen from the ray's origin. `medium`: where the ray arrives, scene::none for vacuum. `depth`: scattering
-  /// events before this one, so that the light sampled here ends a path of depth + 2 edges.
+  /// refracted, without its own emission and without what comes straight on through it (null and mask
+  /// components), which belongs to whoever follows the ray further. `medium`: where the ray arrives,
+  /// scene::none for vacuum. `depth`: scattering events before this one, so that the light sampled here ends
+  /// a path of depth + 2 edges.
   Spectrum scattered_radiance(const scene::SurfaceInteraction& surface, const Vec3f& ray_direction,
                               int32_t medium, int32_t depth, RandomStream& random,
                               RayCounters& counters) const;

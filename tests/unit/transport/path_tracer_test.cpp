@@ -71,7 +71,7 @@ void expect_agreement(const Mean& a, const Mean& b) {
 TEST(PathTracer, RadianceOfASurfaceIsEmissionPlusScatteredRadiance) {
   const std::shared_ptr<const World> world = load(half_pane);
   const PathTracer kernel(world, {});
-  // Half of the sky behind, and half of it reflected by 0.5: the sky seen straight on isn't scattered.
+  // Half of the sky behind, and half of it reflected by 0.5: what comes straight on isn't scattered.
   const Ray ray{Vec3f(0.1f, 0.2f, 1), Vec3f(0, 0, -1), infinity};
   scene::Hit hit;
   ASSERT_TRUE(world->scene().intersector->intersect(ray, hit));
