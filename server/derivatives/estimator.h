@@ -20,9 +20,6 @@ namespace fogbank::derivatives {
 /// which is everything.
 enum class Order : uint8_t { single, multiple, both };
 
-/// Value first, derivatives on demand: what isn't asked for isn't computed.
-enum class DerivativeOrder : uint8_t { value, gradient, hessian };
-
 /// Ranges of the settings.
 struct EstimatorLimits {
   static constexpr int32_t fewest_samples = 16;

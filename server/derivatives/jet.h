@@ -2,9 +2,14 @@
 // record's derivatives is expressed in.
 #pragma once
 
+#include <cstdint>
+
 #include "core/symmetric.h"
 
 namespace fogbank::derivatives {
+
+/// Value first, derivatives on demand: what isn't asked for isn't computed.
+enum class DerivativeOrder : uint8_t { value, gradient, hessian };
 
 /// f(x + d) = value + gradient . d + d^T hessian d / 2 + O(|d|^3). Units: those of f, per length, per length
 /// squared. Exact under the operations below (product and chain rules), so a closed form may be written as
