@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "core/sampling.h"
+#include "transport/direct_light.h"
 
 namespace fogbank::transport {
 
@@ -22,18 +23,8 @@ constexpr float most_survival = 0.999f;
 /// coincide.
 constexpr int32_t most_null_events = 1024;
 
-/// Power heuristic with exponent 2 (Veach 1997, section 9.2.3), safe where a density overflows.
-float power_heuristic(float density, float other) {
-  if (!(density > 0)) return 0;
-  if (!std::isfinite(density)) return 1;
-  const float ratio = other / density;
-  return 1 / (1 + ratio * ratio);
-}
-
-/// The camera's segments get the finer table: it serves several samples.
-DistanceTable::Resolution resolution(int32_t samples) {
-  return samples > 1 ? DistanceTable::Resolution::fine : DistanceTable::Resolution::coarse;
-}
+/// Emission is also met by the path that goes on.
+constexpr EmissionFoundBy both = EmissionFoundBy::light_and_path_sampling;
 
 /// Channels weighted by throughput; equal where there is none.
 Vec3f channel_weights(const Spectrum& throughput) {
@@ -65,79 +56,6 @@ struct PathTracer::Path {
   int32_t last_samples = 1;  ///< samples that in-scattering took along last_segment
 };
 
-Spectrum PathTracer::in_scattered(const Path& path, const MediumSegment& segment, int32_t samples,
-                                  RandomStream& random, RayCounters& counters) const {
-  const MediumInfo& medium = *segment.medium;
-  Spectrum sum(0);
-  std::optional<DistanceTable> table;
-  uint32_t table_light = 0;
-  for (int32_t i = 0; i < samples; ++i) {
-    // Stratified over the samples of one segment.
-    float u = std::fmin((static_cast<float>(i) + random.next_float()) / static_cast<float>(samples),
-                        one_minus_epsilon);
-    const float u_distance = random.next_float();
-    const Vec2f u_light = random.next_vec2();
-    const std::optional<LightChoice> choice = world_->lights().choose(segment, u);
-    if (!choice) continue;
-    const Light& light = world_->lights().light(choice->light);
-    if (!table || table_light != choice->light) {
-      table.emplace(segment, light, resolution(samples));
-      table_light = choice->light;
-    }
-    if (!table->can_contribute()) continue;
-    const float t = table->sample(samples > 1 ? u : u_distance);
-    const Vec3f position = segment.origin + segment.direction * t;
-    const std::optional<LightSample> sample = light.sample(position, u_light);
-    if (!sample || is_black(sample->radiance)) continue;
-    const float phase = medium.phase.evaluate(segment.direction, sample->direction);
-    const float pdf = choice->probability * table->pdf(t) * sample->pdf;
-    const Spectrum scattered =
-        medium.sigma_s * transmittance(medium.sigma_t, t) * sample->radiance * (phase / pdf);
-    if (!(pdf > 0) || is_black(scattered)) continue;
-    const Spectrum visible =
-        world_->visibility(position, sample->direction, sample->distance, path.medium, counters);
-    if (is_black(visible)) continue;
-    const float weight =
-        light.is_delta() ? 1.0f
-                         : power_heuristic(pdf * static_cast<float>(samples), segment.scatter_pdf(t) * phase);
-    sum += scattered * visible * weight;
-  }
-  return sum / static_cast<float>(samples);
-}
-
-LightReceiver PathTracer::receiver_at(const scene::SurfaceInteraction& surface, const Bsdf& bsdf,
-                                      float cos_viewer, int32_t medium) const {
-  return {surface.position,
-          bsdf.transmits() ? Vec3f(0) : (cos_viewer > 0 ? surface.shading_normal : -surface.shading_normal),
-          medium == scene::none ? 0 : world_->medium(medium).mean_sigma_t};
-}
-
-Spectrum PathTracer::direct_light(const scene::SurfaceInteraction& surface, const Vec3f& ray_direction,
-                                  int32_t medium, RandomStream& random, RayCounters& counters) const {
-  const Bsdf& bsdf = world_->bsdf(surface.shape);
-  if (!bsdf.has_smooth_lobes()) return Spectrum(0);
-  const ShadingPoint point = World::shading_point(surface);
-  const Vec3f wo = point.frame.to_local(-ray_direction);
-  const LightReceiver receiver = receiver_at(surface, bsdf, wo.z, medium);
-  float u = random.next_float();
-  const Vec2f u_light = random.next_vec2();
-  const std::optional<LightChoice> choice = world_->lights().choose(receiver, u);
-  if (!choice) return Spectrum(0);
-  const Light& light = world_->lights().light(choice->light);
-  const std::optional<LightSample> sample = light.sample(surface.position, u_light);
-  if (!sample || is_black(sample->radiance)) return Spectrum(0);
-  const BsdfValue bsdf_value = bsdf.evaluate_with_pdf(point, wo, point.frame.to_local(sample->direction));
-  if (is_black(bsdf_value.value)) return Spectrum(0);
-  const Vec3f origin = surface.spawn_origin(sample->direction);
-  const int32_t medium_towards = world_->medium_beyond(surface, sample->direction, medium);
-  const Spectrum visible =
-      world_->visibility(origin, sample->direction, sample->distance, medium_towards, counters);
-  if (is_black(visible)) return Spectrum(0);
-  const float pdf = choice->probability * sample->pdf;
-  const float weight = light.is_delta() ? 1.0f : power_heuristic(pdf, bsdf_value.pdf);
-  return bsdf_value.value * sample->radiance * visible * (weight / pdf);
-}
-
 float PathTracer::emitter_weight(const Path& path, uint32_t light_index, const Vec3f& direction,
                                  const scene::SurfaceInteraction* hit) const {
   if (path.last == Path::Last::specular) return 1;
@@ -153,7 +71,7 @@ float PathTracer::emitter_weight(const Path& path, uint32_t light_index, const V
     return power_heuristic(path.last_pdf,
                            world_->lights().probability(path.last_receiver, light_index) * direction_pdf);
   }
-  const DistanceTable table(path.last_segment, light, resolution(path.last_samples));
+  const DistanceTable table(path.last_segment, light, resolution_for(path.last_samples));
   if (!table.can_contribute()) return 1;
   const float pdf = world_->lights().probability(path.last_segment, light_index) *
                     table.pdf(path.last_distance) * direction_pdf;
@@ -211,7 +129,7 @@ bool PathTracer::scatter(Path& path, const scene::SurfaceInteraction& surface, R
     path.last = sample->delta ? Path::Last::specular : Path::Last::point;
     path.last_pdf = sample->pdf;
     path.last_position = surface.position;
-    path.last_receiver = receiver_at(surface, bsdf, wo.z, path.medium);
+    path.last_receiver = receiver_at(*world_, surface, bsdf, wo.z, path.medium);
     if (!survives_roulette(path, random)) return false;
   }
   path.medium = world_->medium_beyond(surface, direction, path.medium);
@@ -244,15 +162,18 @@ Spectrum PathTracer::trace(Path& path, RandomStream& random, RayCounters& counte
     }
     const bool lit_before_distance = path.depth == 0 && surface.has_value();
     if (lit_before_distance && lit && may_scatter(path))
-      radiance += path.throughput * through *
-                  direct_light(*surface, path.ray.direction, path.medium, random, counters);
+      radiance +=
+          path.throughput * through *
+          reflected_direct_light(*world_, *surface, path.ray.direction, path.medium, both, random, counters);
 
     if (medium != nullptr && !(may_scatter(path) && !is_black(medium->sigma_s * path.throughput))) {
       // Nothing is scattered here, or nothing more may be: what gets through needs no sampling.
       path.throughput *= through;
     } else if (medium != nullptr) {
       const int32_t samples = path.depth == 0 ? camera_in_scatter_samples : 1;
-      if (lit) radiance += path.throughput * in_scattered(path, segment, samples, random, counters);
+      if (lit)
+        radiance += path.throughput *
+                    in_scattered_radiance(*world_, segment, path.medium, samples, both, random, counters);
       const float u_channel = random.next_float();
       const float t = segment.sample_distance(u_channel, random.next_float());
       if (t < segment.length) {
@@ -278,7 +199,8 @@ Spectrum PathTracer::trace(Path& path, RandomStream& random, RayCounters& counte
 
     if (!surface) surface = scene.interaction(path.ray, hit);
     if (!lit_before_distance && lit && may_scatter(path))
-      radiance += path.throughput * direct_light(*surface, path.ray.direction, path.medium, random, counters);
+      radiance += path.throughput * reflected_direct_light(*world_, *surface, path.ray.direction, path.medium,
+                                                           both, random, counters);
     if (!scatter(path, *surface, random)) break;
   }
   return radiance;
@@ -302,7 +224,8 @@ Spectrum PathTracer::scattered_radiance(const scene::SurfaceInteraction& surface
   path.depth = depth;
   if (!may_scatter(path)) return Spectrum(0);
   Spectrum radiance(0);
-  if (world_->lights().size() > 0) radiance = direct_light(surface, ray_direction, medium, random, counters);
+  if (world_->lights().size() > 0)
+    radiance = reflected_direct_light(*world_, surface, ray_direction, medium, both, random, counters);
   const bool continues = scatter(path, surface, random);
   if (continues && path.null_events == 0) radiance += trace(path, random, counters);
   return radiance;
@@ -314,26 +237,12 @@ Spectrum PathTracer::mean_radiance(const Vec3f& position, int32_t medium, int32_
   path.medium = medium;
   path.depth = depth;
   if (!may_scatter(path)) return Spectrum(0);
-  Spectrum radiance(0);
-  const LightReceiver receiver{position, Vec3f(0),
-                               medium == scene::none ? 0 : world_->medium(medium).mean_sigma_t};
-  float u = random.next_float();
-  const Vec2f u_light = random.next_vec2();
-  if (const std::optional<LightChoice> choice = world_->lights().choose(receiver, u)) {
-    const Light& light = world_->lights().light(choice->light);
-    const std::optional<LightSample> sample = light.sample(position, u_light);
-    if (sample && !is_black(sample->radiance)) {
-      const float pdf = choice->probability * sample->pdf;
-      const float weight = light.is_delta() ? 1.0f : power_heuristic(pdf, inv_4pi);
-      radiance = world_->visibility(position, sample->direction, sample->distance, medium, counters) *
-                 sample->radiance * (inv_4pi * weight / pdf);
-    }
-  }
+  const Spectrum radiance = mean_direct_light(*world_, position, medium, both, random, counters);
   ++path.depth;
   path.last = Path::Last::point;
   path.last_pdf = inv_4pi;
   path.last_position = position;
-  path.last_receiver = receiver;
+  path.last_receiver = {position, Vec3f(0), medium == scene::none ? 0 : world_->medium(medium).mean_sigma_t};
   path.ray = {position, square_to_uniform_sphere(random.next_vec2()), infinity};
   return radiance + trace(path, random, counters);
 }

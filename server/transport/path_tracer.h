@@ -55,13 +55,6 @@ class PathTracer {
 
   /// Everything that arrives along the path's ray.
   Spectrum trace(Path& path, RandomStream& random, RayCounters& counters) const;
-  Spectrum in_scattered(const Path& path, const MediumSegment& segment, int32_t samples, RandomStream& random,
-                        RayCounters& counters) const;
-  /// Light reflected at `surface` towards where the ray came from, by next-event estimation.
-  Spectrum direct_light(const scene::SurfaceInteraction& surface, const Vec3f& ray_direction, int32_t medium,
-                        RandomStream& random, RayCounters& counters) const;
-  LightReceiver receiver_at(const scene::SurfaceInteraction& surface, const Bsdf& bsdf, float cos_viewer,
-                            int32_t medium) const;
   /// Emission met by the path's ray, weighted by MIS: of `surface`, or of the environment when null.
   Spectrum emission(const Path& path, const scene::SurfaceInteraction* surface) const;
   float emitter_weight(const Path& path, uint32_t light, const Vec3f& direction,
