@@ -8,6 +8,7 @@
 
 #include "core/vector.h"
 #include "scene/intersector.h"
+#include "transport/light_shape.h"
 
 namespace fogbank::transport {
 
@@ -52,6 +53,9 @@ class Light {
   /// that the loop over points can run in vector registers.
   virtual void fluence_along(const Vec3f& origin, const Vec3f& direction, const float* t, int count,
                              float* values) const;
+
+  /// Geometry and radiance. Pointers in it live as long as the light.
+  virtual LightShape shape() const = 0;
 
   virtual bool is_delta() const { return false; }
   virtual bool at_infinity() const { return false; }

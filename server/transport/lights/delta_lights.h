@@ -13,6 +13,9 @@ class PointLight final : public Light {
   float pdf(const Vec3f&, const Vec3f&, const scene::SurfaceInteraction*) const override { return 0; }
   Spectrum emitted(const Vec3f&, const scene::SurfaceInteraction*) const override { return Spectrum(0); }
   float fluence(const Vec3f& x) const override;
+  LightShape shape() const override {
+    return PointShape{.position = bounds_.center, .intensity = intensity_};
+  }
   bool is_delta() const override { return true; }
 
  private:
@@ -29,6 +32,9 @@ class SpotLight final : public Light {
   float pdf(const Vec3f&, const Vec3f&, const scene::SurfaceInteraction*) const override { return 0; }
   Spectrum emitted(const Vec3f&, const scene::SurfaceInteraction*) const override { return Spectrum(0); }
   float fluence(const Vec3f& x) const override;
+  LightShape shape() const override {
+    return PointShape{bounds_.center, intensity_, bounds_.axis, beam_width_, cutoff_angle_};
+  }
   bool is_delta() const override { return true; }
 
  private:
@@ -49,6 +55,7 @@ class DirectionalLight final : public Light {
   float pdf(const Vec3f&, const Vec3f&, const scene::SurfaceInteraction*) const override { return 0; }
   Spectrum emitted(const Vec3f&, const scene::SurfaceInteraction*) const override { return Spectrum(0); }
   float fluence(const Vec3f&) const override { return luminance(irradiance_); }
+  LightShape shape() const override { return DirectionalShape{direction_, irradiance_}; }
   bool is_delta() const override { return true; }
   bool at_infinity() const override { return true; }
   Vec3f direction_from(const Vec3f&) const override { return -direction_; }

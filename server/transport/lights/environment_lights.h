@@ -16,6 +16,7 @@ class ConstantLight final : public Light {
   float pdf(const Vec3f&, const Vec3f&, const scene::SurfaceInteraction*) const override { return inv_4pi; }
   Spectrum emitted(const Vec3f&, const scene::SurfaceInteraction*) const override { return radiance_; }
   float fluence(const Vec3f&) const override { return 4 * pi * luminance(radiance_); }
+  LightShape shape() const override { return ConstantShape{radiance_}; }
   bool at_infinity() const override { return true; }
   Vec3f direction_from(const Vec3f&) const override { return Vec3f(0); }
 
@@ -33,6 +34,7 @@ class EnvironmentLight final : public Light {
   float pdf(const Vec3f& x, const Vec3f& direction, const scene::SurfaceInteraction* hit) const override;
   Spectrum emitted(const Vec3f& direction, const scene::SurfaceInteraction* hit) const override;
   float fluence(const Vec3f&) const override { return fluence_; }
+  LightShape shape() const override { return ImageShape{columns_, rows_, to_world_}; }
   bool at_infinity() const override { return true; }
   Vec3f direction_from(const Vec3f&) const override { return Vec3f(0); }
 

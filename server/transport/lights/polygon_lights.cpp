@@ -196,6 +196,10 @@ float RectangleLight::fluence(const Vec3f& x) const {
   return value;
 }
 
+LightShape RectangleLight::shape() const {
+  return RectangleShape{corner_, frame_.tangent * width_, frame_.bitangent * height_, uvs_, radiance_.get()};
+}
+
 void RectangleLight::fluence_along(const Vec3f& origin, const Vec3f& direction, const float* t, int count,
                                    float* values) const {
   // The four corner terms atan(X Y / (h r)) of ratio-records.md section 1, exact up to the error of

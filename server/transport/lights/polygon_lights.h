@@ -16,6 +16,7 @@ class TriangleLight final : public AreaLight {
   std::optional<LightSample> sample(const Vec3f& x, const Vec2f& u) const override;
   float pdf(const Vec3f& x, const Vec3f& direction, const scene::SurfaceInteraction* hit) const override;
   float fluence(const Vec3f& x) const override;
+  LightShape shape() const override { return TriangleShape{vertices_, uvs_, radiance_.get()}; }
 
  private:
   float solid_angle(const Vec3f& x) const;
@@ -37,6 +38,7 @@ class RectangleLight final : public AreaLight {
   float fluence(const Vec3f& x) const override;
   void fluence_along(const Vec3f& origin, const Vec3f& direction, const float* t, int count,
                      float* values) const override;
+  LightShape shape() const override;
 
  private:
   /// The rectangle in a frame at x (Urena, Fajardo and King 2013, "An Area-Preserving Parametrization for

@@ -14,6 +14,9 @@ class SphereLight final : public AreaLight {
   std::optional<LightSample> sample(const Vec3f& x, const Vec2f& u) const override;
   float pdf(const Vec3f& x, const Vec3f& direction, const scene::SurfaceInteraction* hit) const override;
   float fluence(const Vec3f& x) const override;
+  LightShape shape() const override {
+    return SphereShape{bounds_.center, bounds_.radius, inwards_, to_local_, radiance_.get()};
+  }
 
  private:
   Vec2f uv_of(const Vec3f& normal) const;
@@ -30,6 +33,9 @@ class DiskLight final : public AreaLight {
   std::optional<LightSample> sample(const Vec3f& x, const Vec2f& u) const override;
   float pdf(const Vec3f& x, const Vec3f& direction, const scene::SurfaceInteraction* hit) const override;
   float fluence(const Vec3f& x) const override;
+  LightShape shape() const override {
+    return DiskShape{bounds_.center, axis_x_, axis_y_, bounds_.axis, radiance_.get()};
+  }
 
  private:
   Vec3f axis_x_;
@@ -47,6 +53,9 @@ class CylinderLight final : public AreaLight {
   std::optional<LightSample> sample(const Vec3f& x, const Vec2f& u) const override;
   float pdf(const Vec3f& x, const Vec3f& direction, const scene::SurfaceInteraction* hit) const override;
   float fluence(const Vec3f& x) const override;
+  LightShape shape() const override {
+    return CylinderShape{base_, axis_, axis_x_, axis_y_, length_, radius_, inwards_, radiance_.get()};
+  }
 
  private:
   /// Half the angle of the emitting part that can face `x`, and its middle; 0 when none can.
