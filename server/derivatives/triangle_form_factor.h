@@ -123,20 +123,27 @@ Real triangle_form_factor(const RelativeTriangle<Real>& triangle) {
   return std::atan2(a, b) * (std::numbers::inv_pi_v<Real> / 2);
 }
 
-/// The form whose derivatives are the more accurate (method.md section 4.3): arctangent where the longest
-/// edge is below 0.05 of the distance to the nearest vertex.
+/// The form whose derivatives are the more accurate. In the edge form the terms of small or thin triangles
+/// cancel (method.md section 4.3, whose rule of 0.05 covers the small ones); the arctangent form loses digits
+/// only close to edges, in proportion to 1 + cosine of the angle between two vertices. So: arctangent unless
+/// two vertices are more than 120 degrees apart, or distances differ so much that products of six of them
+/// need not fit a Real.
 template <typename Real>
 TriangleForm select_triangle_form(const RelativeTriangle<Real>& triangle) {
-  const Real scale = ScaledVector<Real, 3>(triangle.vertices[0]).scale;
-  Real nearest = std::numeric_limits<Real>::max();
-  Real longest = 0;
+  constexpr Real largest_ratio = 1000;
+  const auto& [r1, r2, r3] = triangle.vertices;
+  const std::array<ScaledVector<Real, 3>, 3> r{ScaledVector<Real, 3>(r1), ScaledVector<Real, 3>(r2),
+                                               ScaledVector<Real, 3>(r3)};
   for (size_t i = 0; i < 3; ++i) {
-    const glm::vec<3, Real> r = triangle.vertices[i] * scale;
-    const glm::vec<3, Real> e = triangle.edges[i] * scale;
-    nearest = std::min(nearest, glm::dot(r, r));
-    longest = std::max(longest, glm::dot(e, e));
+    const ScaledVector<Real, 3>& a = r[i];
+    const ScaledVector<Real, 3>& b = r[(i + 1) % 3];
+    const Real cosine = glm::dot(a.mantissa, b.mantissa) * a.inverse_norm * b.inverse_norm;
+    const Real least = largest_ratio * std::min(a.inverse_length(), b.inverse_length());
+    // Also if a distance is 0 for want of digits.
+    if (!(cosine > Real(-0.5) && std::max(a.inverse_length(), b.inverse_length()) < least))
+      return TriangleForm::edge;
   }
-  return longest < Real(0.0025) * nearest ? TriangleForm::arctangent : TriangleForm::edge;
+  return TriangleForm::arctangent;
 }
 
 /// method.md section 4.1. For triangles that select_triangle_form() gives to it; others may overflow.
@@ -154,7 +161,8 @@ Jet<Real, 3> triangle_form_factor_arctangent(const RelativeTriangle<Real>& trian
     u[i] = r[i] / length[i];
   }
   const Vector normal = triangle_normal(triangle, scale, scale);
-  const Real a = glm::dot(r[0], normal);
+  const auto nearest = static_cast<size_t>(std::min_element(length.begin(), length.end()) - length.begin());
+  const Real a = glm::dot(r[nearest], normal);
   Real b = length[0] * length[1] * length[2];
   Real d = 2;  // A^2 + B^2 = 2 s12 s23 s31
   Vector gradient_b(0);
@@ -181,7 +189,7 @@ Jet<Real, 3> triangle_form_factor_arctangent(const RelativeTriangle<Real>& trian
   const Matrix hessian = -a_d * hessian_b -
                          (2 * a_d * b_d) * (Matrix::outer(normal) - Matrix::outer(gradient_b)) -
                          (a_d * a_d - b_d * b_d) * Matrix::outer_sum(normal, gradient_b);
-  return {std::atan2(a, b) * inverse_2pi, gradient * (inverse_2pi * scale),
+  return {triangle_form_factor(triangle), gradient * (inverse_2pi * scale),
           hessian * (inverse_2pi * scale) * scale};
 }
 
