@@ -3,15 +3,18 @@
 #include <immintrin.h>
 #include <tbb/task_arena.h>
 
+#include <algorithm>
+#include <array>
 #include <atomic>
-#include <bit>
 #include <chrono>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "core/error.h"
+#include "scene/embree_packets.h"
 #include "scene/intersector.h"
 #include "scene/round_shape.h"
 #include "scene/scene.h"
@@ -99,12 +102,6 @@ void round_shape_occluded(const RTCOccludedFunctionNArguments* arguments) {
   }
 }
 
-/// Embree's intervals are closed, ours are open. The start is no denormal, and leaves room for a product with
-/// a small triangle's area.
-constexpr float open_start = 0x1p-90f;
-/// Largest float below a positive `distance`.
-float open_end(float distance) { return std::bit_cast<float>(std::bit_cast<uint32_t>(distance) - 1u); }
-
 RTCRay make_ray(const Ray& ray, uint32_t mask) {
   constexpr float time = 0;
   return {ray.origin.x,
@@ -141,11 +138,13 @@ struct Intersector::Implementation {
 
   void build();
   [[gnu::always_inline]] bool query(RTCScene accelerator, const Ray& ray, uint32_t mask, Hit& hit) const;
+  void query(RTCScene accelerator, const RayBundle& bundle, uint32_t mask, std::span<Hit> hits) const;
 
  private:
   void check();
   ScenePointer new_scene();
   void commit(RTCScene scene);
+  [[gnu::always_inline]] bool translate(const RawHit& raw, Hit& hit) const;
   GeometryPointer make_geometry(const Shape& shape);
   GeometryPointer make_mesh(const Mesh& mesh);
   GeometryPointer make_instance(const Instance& instance, RTCScene target);
@@ -307,6 +306,22 @@ void Intersector::Implementation::build() {
   if (passing != nullptr) commit(passing.get());
 }
 
+inline bool Intersector::Implementation::translate(const RawHit& raw, Hit& hit) const {
+  if (raw.geometry == RTC_INVALID_GEOMETRY_ID) return false;
+  hit.distance = raw.distance;
+  hit.parameters = raw.parameters;
+  hit.primitive = raw.primitive;
+  if (raw.instance == RTC_INVALID_GEOMETRY_ID) {
+    hit.shape = raw.geometry;
+    hit.instance = none;
+  } else {
+    const size_t instance = raw.instance - source.shapes.size();
+    hit.shape = group_shapes[static_cast<size_t>(source.instances[instance].group)][raw.geometry];
+    hit.instance = static_cast<int32_t>(instance);
+  }
+  return true;
+}
+
 inline bool Intersector::Implementation::query(RTCScene accelerator, const Ray& ray, uint32_t mask,
                                                Hit& hit) const {
   if (!(ray.max_distance > 0)) return false;
@@ -317,19 +332,28 @@ inline bool Intersector::Implementation::query(RTCScene accelerator, const Ray& 
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   rtcIntersect1(accelerator, &context, &query);
-  if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return false;
-  hit.distance = query.ray.tfar;
-  hit.parameters = {query.hit.u, query.hit.v};
-  hit.primitive = query.hit.primID;
-  if (query.hit.instID[0] == RTC_INVALID_GEOMETRY_ID) {
-    hit.shape = query.hit.geomID;
-    hit.instance = none;
-  } else {
-    const size_t instance = query.hit.instID[0] - source.shapes.size();
-    hit.shape = group_shapes[static_cast<size_t>(source.instances[instance].group)][query.hit.geomID];
-    hit.instance = static_cast<int32_t>(instance);
+  return translate(
+      {query.ray.tfar, {query.hit.u, query.hit.v}, query.hit.primID, query.hit.geomID, query.hit.instID[0]},
+      hit);
+}
+
+void Intersector::Implementation::query(RTCScene accelerator, const RayBundle& bundle, uint32_t mask,
+                                        std::span<Hit> hits) const {
+  // Raw hits of a batch live on the stack; a whole number of packets.
+  constexpr size_t batch_size = 256;
+  std::array<RawHit, batch_size> raw;
+  for (size_t first = 0; first < bundle.directions.size(); first += batch_size) {
+    const size_t count = std::min(batch_size, bundle.directions.size() - first);
+    const bool shared_distance = bundle.max_distances.size() == 1;
+    const RayBundle batch{
+        bundle.origin, bundle.directions.subspan(first, count),
+        shared_distance ? bundle.max_distances : bundle.max_distances.subspan(first, count)};
+    intersect_packets(accelerator, batch, mask, raw);
+    for (size_t i = 0; i < count; ++i) {
+      hits[first + i] = Hit{};
+      translate(raw[i], hits[first + i]);
+    }
   }
-  return true;
 }
 
 Intersector::Intersector(const Scene& scene) : implementation_(std::make_unique<Implementation>(scene)) {
@@ -351,6 +375,10 @@ bool Intersector::intersect(const Ray& ray, Hit& hit) const {
   return implementation_->query(implementation_->all.get(), ray, solid_mask | passing_mask, hit);
 }
 
+bool Intersector::intersect_solid(const Ray& ray, Hit& hit) const {
+  return implementation_->query(implementation_->all.get(), ray, solid_mask, hit);
+}
+
 bool Intersector::intersect_passing(const Ray& ray, Hit& hit) const {
   return implementation_->passing != nullptr &&
          implementation_->query(implementation_->passing.get(), ray, passing_mask, hit);
@@ -363,6 +391,22 @@ bool Intersector::occluded(const Ray& ray) const {
   rtcInitIntersectContext(&context);
   rtcOccluded1(implementation_->all.get(), &context, &query);
   return query.tfar < 0;
+}
+
+void Intersector::intersect_solid(const RayBundle& bundle, std::span<Hit> hits) const {
+  implementation_->query(implementation_->all.get(), bundle, solid_mask, hits);
+}
+
+void Intersector::intersect_passing(const RayBundle& bundle, std::span<Hit> hits) const {
+  if (implementation_->passing != nullptr) {
+    implementation_->query(implementation_->passing.get(), bundle, passing_mask, hits);
+  } else {
+    std::fill(hits.begin(), hits.end(), Hit{});
+  }
+}
+
+void Intersector::occluded(const RayBundle& bundle, std::span<uint8_t> occluded) const {
+  occluded_packets(implementation_->all.get(), bundle, solid_mask, occluded);
 }
 
 bool Intersector::has_passing_surfaces() const { return implementation_->passing != nullptr; }

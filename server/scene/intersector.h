@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "core/vector.h"
@@ -40,6 +41,16 @@ struct SurfaceInteraction {
   Vec3f spawn_origin(const Vec3f& direction) const;
 };
 
+/// Rays that leave one point, in an order in which neighbours have much the same direction: they are traced
+/// in packets. Unit directions; `max_distances` one for each ray, or a single one for all of them.
+struct RayBundle {
+  Vec3f origin{0};
+  std::span<const Vec3f> directions;
+  std::span<const float> max_distances;
+
+  float max_distance(size_t ray) const { return max_distances[max_distances.size() == 1 ? 0 : ray]; }
+};
+
 /// Two accelerators: solid surfaces, and surfaces that light passes through (`Shape::passes_light`). A shadow
 /// ray is one any-hit query on the solid ones and then a short walk over the few others; both are
 /// thread-safe. Every caller's thread must have flush-to-zero and denormals-are-zero set
@@ -58,6 +69,17 @@ class Intersector {
   /// Nearest surface that light passes through; always false when `has_passing_surfaces()` is false.
   bool intersect_passing(const Ray& ray, Hit& hit) const;
   bool has_passing_surfaces() const;
+
+  /// Nearest solid surface in (0, ray.max_distance).
+  bool intersect_solid(const Ray& ray, Hit& hit) const;
+
+  /// The queries above for all rays of a bundle, several times as fast where rays are coherent. `hits` and
+  /// `occluded` have one entry for each ray; a ray that hits nothing has an infinite distance, an occluded
+  /// one has 1, others 0. A ray's answer is that of the query for it alone, whatever its neighbours, except
+  /// that among surfaces at the same distance up to rounding either may be found.
+  void intersect_solid(const RayBundle& bundle, std::span<Hit> hits) const;
+  void intersect_passing(const RayBundle& bundle, std::span<Hit> hits) const;
+  void occluded(const RayBundle& bundle, std::span<uint8_t> occluded) const;
 
   double build_seconds() const;
   size_t memory_bytes() const;

@@ -8,10 +8,6 @@ namespace fogbank::transport {
 
 namespace {
 
-/// Shadow rays stop short of the light by this share of their length, so that they don't meet the light
-/// itself: rounding of a light's point moves it by some 1e-6 of the distances involved, more at grazing
-/// angles.
-constexpr float shadow_share = 1.0f - 1e-4f;
 /// More surfaces than this along one shadow ray count as opaque: a guard against surfaces that coincide.
 constexpr int most_passed_surfaces = 256;
 
@@ -69,41 +65,40 @@ World::World(std::shared_ptr<scene::Scene> scene) : scene_(std::move(scene)) {
 
 Spectrum World::visibility(const Vec3f& origin, const Vec3f& direction, float distance, int32_t medium,
                            RayCounters& counters) const {
-  const scene::Intersector& intersector = *scene_->intersector;
-  Ray ray{origin, direction, std::isfinite(distance) ? distance * shadow_share : infinity};
-  if (!intersector.has_passing_surfaces()) {
-    const Spectrum through = medium == scene::none
-                                 ? Spectrum(1)
-                                 : transmittance(media_[static_cast<size_t>(medium)].sigma_t, distance);
-    if (is_black(through)) return through;
-    ++counters.any_hit;
-    return intersector.occluded(ray) ? Spectrum(0) : through;
-  }
   // The few passing surfaces first: they may already leave nothing to ask the many solid ones for.
+  const Spectrum through = unblocked_transmittance(origin, direction, distance, medium, counters);
+  if (is_black(through)) return through;
+  ++counters.any_hit;
+  return scene_->intersector->occluded({origin, direction, distance * shadow_share}) ? Spectrum(0) : through;
+}
+
+Spectrum World::unblocked_transmittance(const Vec3f& origin, const Vec3f& direction, float distance,
+                                        int32_t medium, RayCounters& counters) const {
+  const scene::Intersector& intersector = *scene_->intersector;
+  if (!intersector.has_passing_surfaces()) {
+    return medium == scene::none ? Spectrum(1)
+                                 : transmittance(media_[static_cast<size_t>(medium)].sigma_t, distance);
+  }
+  Ray rest{origin, direction, distance * shadow_share};
   Spectrum through(1);
-  Ray rest = ray;
   int passed = 0;
   while (true) {
     scene::Hit hit;
     ++counters.closest_hit;
     const bool found = intersector.intersect_passing(rest, hit);
     // The last piece runs to the light itself, not to where the shadow ray stops short of it.
-    const float piece =
-        found ? hit.distance : (std::isfinite(distance) ? rest.max_distance / shadow_share : infinity);
+    const float piece = found ? hit.distance : rest.max_distance / shadow_share;
     if (medium != scene::none) through *= transmittance(media_[static_cast<size_t>(medium)].sigma_t, piece);
-    if (is_black(through)) return Spectrum(0);
-    if (!found) break;
+    if (is_black(through) || !found) return through;
     const scene::SurfaceInteraction surface = scene_->interaction(rest, hit);
     const ShadingPoint point = shading_point(surface);
     through *= bsdf(surface.shape).null_transmission(point, point.frame.to_local(-direction));
     if (is_black(through) || ++passed > most_passed_surfaces) return Spectrum(0);
     medium = medium_beyond(surface, direction, medium);
     rest.origin = surface.spawn_origin(direction);
-    if (std::isfinite(distance)) rest.max_distance -= hit.distance;
-    if (!(rest.max_distance > 0)) break;
+    rest.max_distance -= hit.distance;  // infinite stays infinite
+    if (!(rest.max_distance > 0)) return through;
   }
-  ++counters.any_hit;
-  return intersector.occluded(ray) ? Spectrum(0) : through;
 }
 
 }  // namespace fogbank::transport

@@ -14,6 +14,11 @@
 
 namespace fogbank::transport {
 
+/// Shadow rays stop short of the light by this share of their length, so that they don't meet the light
+/// itself: rounding of a light's point moves it by some 1e-6 of the distances involved, more at grazing
+/// angles.
+inline constexpr float shadow_share = 1.0f - 1e-4f;
+
 class World {
  public:
   /// Builds everything `scene` describes. Throws SceneError as `BsdfBuilder`, `build_lights` and
@@ -59,6 +64,9 @@ class World {
   /// `direction`: 0 behind solid surfaces, through media and surfaces that pass light straight on.
   Spectrum visibility(const Vec3f& origin, const Vec3f& direction, float distance, int32_t medium,
                       RayCounters& counters) const;
+  /// The same without asking for solid surfaces.
+  Spectrum unblocked_transmittance(const Vec3f& origin, const Vec3f& direction, float distance,
+                                   int32_t medium, RayCounters& counters) const;
 
  private:
   std::shared_ptr<scene::Scene> scene_;

@@ -1,0 +1,231 @@
+#include "derivatives/sightlines.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "derivatives/transmittance_jet.h"
+
+namespace fogbank::derivatives {
+
+namespace {
+
+/// More surfaces than this along one line count as opaque: a guard against surfaces that coincide.
+constexpr uint32_t most_crossings = 256;
+
+Spectrum sigma_t_of(const transport::World& world, int32_t medium) {
+  return medium == scene::none ? Spectrum(0) : world.medium(medium).sigma_t;
+}
+
+/// Distance to where the line to a fixed vertex meets a fixed plane at `share` of its way: with h the
+/// origin's height over the plane and h_v the vertex's, it is l h / (h - h_v).
+Jet3d crossing_jet(const Jet3d& length, double share, const Vec3d& normal, double cosine) {
+  const double height = -share * length.value * cosine;
+  const double span = -length.value * cosine;  // h - h_v
+  const double rest = (1 - share) / span;      // -h_v / (h - h_v)^2
+  return length * chain(Jet3d::linear(height, normal), share, rest, -2 * rest / span);
+}
+
+/// The cosine between a boundary's normal and a line, held off zero.
+double boundary_cosine(const Vec3d& normal, const Vec3d& direction) {
+  const double cosine = glm::dot(normal, direction);
+  return std::copysign(std::max(std::abs(cosine), Sightlines::least_boundary_cosine), cosine);
+}
+
+}  // namespace
+
+void Sightlines::start(const Vec3f& origin, int32_t medium) {
+  origin_ = origin;
+  medium_ = medium;
+  directions_.clear();
+  hits_.clear();
+  passages_.clear();
+  crossings_.clear();
+}
+
+size_t Sightlines::append(std::span<const Vec3f> directions, std::span<const float> max_distances,
+                          RayCounters& counters, RandomStream* stops) {
+  const size_t first = size();
+  const scene::Intersector& intersector = *world_.scene().intersector;
+  directions_.insert(directions_.end(), directions.begin(), directions.end());
+  hits_.resize(directions_.size());
+  passages_.resize(directions_.size());
+  const scene::RayBundle bundle{origin_, directions, max_distances};
+  intersector.intersect_solid(bundle, std::span(hits_).subspan(first));
+  counters.closest_hit += directions.size();
+  if (!intersector.has_passing_surfaces()) return first;
+
+  // Only what lies before the solid surfaces counts.
+  limits_.resize(directions.size());
+  passing_hits_.resize(directions.size());
+  for (size_t i = 0; i < directions.size(); ++i)
+    limits_[i] = std::min(hits_[first + i].distance, bundle.max_distance(i));
+  intersector.intersect_passing({origin_, directions, limits_}, passing_hits_);
+  counters.closest_hit += directions.size();
+  for (size_t i = 0; i < directions.size(); ++i) {
+    if (std::isfinite(passing_hits_[i].distance))
+      cross(first + i, passing_hits_[i], limits_[i], counters, stops);
+  }
+  return first;
+}
+
+size_t Sightlines::append_to_points(std::span<const Vec3d> relative, RayCounters& counters) {
+  std::vector<Vec3f> directions(relative.size());
+  std::vector<float> max_distances(relative.size());
+  for (size_t i = 0; i < relative.size(); ++i) {
+    const double length = glm::length(relative[i]);
+    directions[i] = Vec3f(relative[i] / length);
+    max_distances[i] = static_cast<float>(length) * transport::shadow_share;
+  }
+  return append(directions, max_distances, counters);
+}
+
+void Sightlines::cross(size_t line, const scene::Hit& first_hit, float limit, RayCounters& counters,
+                       RandomStream* stops) {
+  const scene::Scene& scene = world_.scene();
+  const Vec3f& direction = directions_[line];
+  Passage& passage = passages_[line];
+  passage.first = static_cast<uint32_t>(crossings_.size());
+  Ray ray{origin_, direction, limit};
+  scene::Hit hit = first_hit;
+  int32_t medium = medium_;
+  Spectrum through(1);
+  float passed = 0;
+  while (true) {
+    const scene::SurfaceInteraction surface = scene.interaction(ray, hit);
+    const transport::ShadingPoint point = transport::World::shading_point(surface);
+    const Spectrum share =
+        world_.bsdf(surface.shape).null_transmission(point, point.frame.to_local(-direction));
+    // A choice by whole numbers draws nothing: most such surfaces are boundaries or cut-outs.
+    const float pass = std::clamp(mean(share), 0.0f, 1.0f);
+    const bool chosen = stops != nullptr && pass > 0 && pass < 1;
+    const bool ends = is_black(through * share) || passage.count >= most_crossings ||
+                      (chosen && stops->next_float() >= pass);
+    const float here = std::min(passed + hit.distance, limit);
+    if (ends) {
+      hits_[line] = hit;
+      hits_[line].distance = here;
+      // The share that ends here is weighted as the last crossing's, at no distance from the surface.
+      if (chosen && !is_black(through * share)) {
+        crossings_.push_back({here, surface.geometric_normal, medium, through / (1 - pass)});
+        ++passage.count;
+      }
+      return;
+    }
+    through *= chosen ? share / pass : share;
+    medium = world_.medium_beyond(surface, direction, medium);
+    crossings_.push_back({here, surface.geometric_normal, medium, through});
+    ++passage.count;
+    passed = here;
+    ray.origin = surface.spawn_origin(direction);
+    if (std::isfinite(limit)) ray.max_distance = limit - passed;
+    if (!(ray.max_distance > 0)) return;
+    ++counters.closest_hit;
+    if (!scene.intersector->intersect_passing(ray, hit)) return;
+  }
+}
+
+scene::SurfaceInteraction Sightlines::surface(size_t line) const {
+  return world_.scene().interaction({origin_, directions_[line], infinity}, hits_[line]);
+}
+
+Spectrum Sightlines::transmittance(size_t line, float distance) const {
+  Spectrum through(1);
+  int32_t medium = medium_;
+  float begin = 0;
+  const auto pass = [&](float end) {
+    if (medium != scene::none)
+      through *= transport::transmittance(world_.medium(medium).sigma_t, std::max(end - begin, 0.0f));
+  };
+  for (const Crossing& crossing : crossings(line)) {
+    if (crossing.medium == medium) continue;
+    pass(crossing.distance);
+    begin = crossing.distance;
+    medium = crossing.medium;
+  }
+  pass(distance);
+  return through * factor(line);
+}
+
+bool Sightlines::is_grey(size_t line) const {
+  bool grey = medium_ == scene::none || world_.medium(medium_).grey;
+  for (const Crossing& crossing : crossings(line))
+    grey = grey && (crossing.medium == scene::none || world_.medium(crossing.medium).grey);
+  return grey;
+}
+
+TransmittanceJet Sightlines::transmittance_to_vertex(size_t line, const Vec3d& relative) const {
+  TransmittanceJet result;
+  result.grey = is_grey(line);
+  result.factor = factor(line);
+  const Jet3d length = distance_jet(relative);
+  if (length.value == 0) {
+    result.jets.fill(Jet3d::constant(1));
+    return result;
+  }
+  const size_t channels = result.grey ? 1 : 3;
+  std::array<Jet3d, 3> depths;
+  Spectrum sigma_t = sigma_t_of(world_, medium_);
+  for (const Crossing& crossing : crossings(line)) {
+    const Spectrum beyond = sigma_t_of(world_, crossing.medium);
+    if (beyond == sigma_t) continue;
+    const Vec3d normal(crossing.normal);
+    const Jet3d where =
+        crossing_jet(length, std::min(static_cast<double>(crossing.distance) / length.value, 1.0), normal,
+                     boundary_cosine(normal, relative / length.value));
+    for (size_t c = 0; c < channels; ++c)
+      depths[c] += where * (static_cast<double>(sigma_t[static_cast<int>(c)]) -
+                            static_cast<double>(beyond[static_cast<int>(c)]));
+    sigma_t = beyond;
+  }
+  for (size_t c = 0; c < channels; ++c) {
+    depths[c] += length * static_cast<double>(sigma_t[static_cast<int>(c)]);
+    result.jets[c] = transmittance_jet(1.0, depths[c]);
+  }
+  return result;
+}
+
+TransmittanceJet Sightlines::transmittance_to_infinity(size_t line) const {
+  TransmittanceJet result;
+  result.grey = is_grey(line);
+  result.factor = factor(line);
+  const Vec3d direction(directions_[line]);
+  const size_t channels = result.grey ? 1 : 3;
+  std::array<Jet3d, 3> depths;
+  Spectrum sigma_t = sigma_t_of(world_, medium_);
+  for (const Crossing& crossing : crossings(line)) {
+    const Spectrum beyond = sigma_t_of(world_, crossing.medium);
+    if (beyond == sigma_t) continue;
+    const Vec3d normal(crossing.normal);
+    const Jet3d where = Jet3d::linear(crossing.distance, -normal / boundary_cosine(normal, direction));
+    for (size_t c = 0; c < channels; ++c)
+      depths[c] += where * (static_cast<double>(sigma_t[static_cast<int>(c)]) -
+                            static_cast<double>(beyond[static_cast<int>(c)]));
+    sigma_t = beyond;
+  }
+  for (size_t c = 0; c < channels; ++c) {
+    if (sigma_t[static_cast<int>(c)] == 0) result.jets[c] = transmittance_jet(1.0, depths[c]);
+  }
+  return result;
+}
+
+void visibility(const transport::World& world, const Vec3f& origin, int32_t medium,
+                std::span<const Vec3d> relative, std::span<Spectrum> transmittances, RayCounters& counters) {
+  const scene::Intersector& intersector = *world.scene().intersector;
+  std::vector<Vec3f> directions(relative.size());
+  std::vector<float> distances(relative.size());
+  for (size_t i = 0; i < relative.size(); ++i) {
+    const double length = glm::length(relative[i]);
+    const auto distance = static_cast<float>(length);
+    directions[i] = Vec3f(relative[i] / length);
+    transmittances[i] = world.unblocked_transmittance(origin, directions[i], distance, medium, counters);
+    // Nothing is left to ask the solid surfaces for where the media let nothing through.
+    distances[i] = is_black(transmittances[i]) ? 0 : distance * transport::shadow_share;
+    counters.any_hit += static_cast<uint64_t>(distances[i] > 0);
+  }
+  std::vector<uint8_t> occluded(relative.size());
+  intersector.occluded({origin, directions, distances}, occluded);
+  for (size_t i = 0; i < relative.size(); ++i)
+    if (occluded[i] != 0) transmittances[i] = Spectrum(0);
+}
+
+}  // namespace fogbank::derivatives
