@@ -19,10 +19,10 @@ Jet<Real, 2> segment_form_factor_jet(const glm::vec<2, Real>& r1, const glm::vec
   const ScaledVector<Real, 2> a(r1);
   const ScaledVector<Real, 2> b(r2);
   const Real inverse_norms = a.inverse_norm * b.inverse_norm;
+  const bool is_first_nearer = a.inverse_length() >= b.inverse_length();
   // r1 x r2 = r1 x edge = r2 x edge, from the nearer end.
-  const Real sine =
-      inverse_norms * (a.inverse_length() >= b.inverse_length() ? cross(a.mantissa, edge * b.scale)
-                                                                : cross(b.mantissa, edge * a.scale));
+  const Real sine = inverse_norms *
+                    (is_first_nearer ? cross(a.mantissa, edge * b.scale) : cross(b.mantissa, edge * a.scale));
   const Real cosine = inverse_norms * glm::dot(a.mantissa, b.mantissa);
   // Vectors as complex numbers: 1/z1, 1/z2, Q = E / (z1 z2) and P = Q (1/z1 + 1/z2).
   const auto product = [](const Vector& p, const Vector& q) {
@@ -33,7 +33,9 @@ Jet<Real, 2> segment_form_factor_jet(const glm::vec<2, Real>& r1, const glm::vec
   };
   const Vector inverse_a = inverse(a);
   const Vector inverse_b = inverse(b);
-  const Vector q = product(product(edge, inverse_a), inverse_b);
+  // Over the longer first: the quotient is at most 2, however far apart the ends are.
+  const Vector q = is_first_nearer ? product(product(edge, inverse_b), inverse_a)
+                                   : product(product(edge, inverse_a), inverse_b);
   const Vector p = product(q, inverse_a + inverse_b);
   constexpr Real inverse_2pi = std::numbers::inv_pi_v<Real> / 2;
   return {std::atan2(sine, cosine) * inverse_2pi,

@@ -29,10 +29,11 @@ Real transmittance(Real sigma_t, Real distance) {
 template <typename Real, int Dim>
 Jet<Real, Dim> transmittance_jet(Real sigma_t, const Jet<Real, Dim>& distance) {
   const Real value = transmittance(sigma_t, distance.value);
-  // Nothing times an infinite sigma_t^2 is still nothing.
-  if (value == 0) return {};
   const Real slope = -sigma_t * value;
-  return chain(distance, value, slope, -sigma_t * slope);
+  const Real curvature = -sigma_t * slope;
+  // sigma_t^2 overflows: nothing gets through, or the distance is (nearly) 0 and has no derivatives.
+  if (value == 0 || !std::isfinite(curvature)) return Jet<Real, Dim>::constant(value);
+  return chain(distance, value, slope, curvature);
 }
 
 /// E(d) = integral of T from 0 to d = (1 - exp(-sigma_t d)) / sigma_t, which tends to d as sigma_t -> 0.

@@ -80,18 +80,24 @@ Jet<Real, 3> edge_term(const ScaledVector<Real, 3>& a, const ScaledVector<Real, 
   return {0, left * inverse_sum, Symmetric<Real, 3>::outer_sum(left, right) * Real(0.5)};
 }
 
-/// (v_2 - v_1) x (v_3 - v_1) times both scales. Any two edges give it; the shortest with the next loses least
-/// to the rounding of the edges when the triangle is a needle.
+/// (v_2 - v_1) x (v_3 - v_1) times both scales, those of the two farther vertices. Any two edges give it; the
+/// two shortest lose least to the rounding of the edges when the triangle is a needle.
 template <typename Real>
 glm::vec<3, Real> triangle_normal(const RelativeTriangle<Real>& triangle, Real scale_1, Real scale_2) {
-  size_t shortest = 0;
+  const auto [far_scale, near_scale] = std::minmax(scale_1, scale_2);
   std::array<Real, 3> squares;
   for (size_t i = 0; i < 3; ++i) {
-    const glm::vec<3, Real> edge = triangle.edges[i] * scale_1;
+    const glm::vec<3, Real> edge = triangle.edges[i] * far_scale;
     squares[i] = glm::dot(edge, edge);
-    if (squares[i] < squares[shortest]) shortest = i;
   }
-  return cross(triangle.edges[shortest] * scale_1, triangle.edges[(shortest + 1) % 3] * scale_2);
+  const auto longest =
+      static_cast<size_t>(std::max_element(squares.begin(), squares.end()) - squares.begin());
+  const size_t next = (longest + 1) % 3;
+  const size_t last = (longest + 2) % 3;
+  // The shorter edge is as long as its scale says at most, hence no overflow.
+  const bool is_next_shorter = squares[next] < squares[last];
+  return cross(triangle.edges[next] * (is_next_shorter ? near_scale : far_scale),
+               triangle.edges[last] * (is_next_shorter ? far_scale : near_scale));
 }
 
 /// Form factor by its value alone: accurate on edges, on the triangle's plane and for any ratio of distances
@@ -111,11 +117,11 @@ Real triangle_form_factor(const RelativeTriangle<Real>& triangle) {
     if (angles[i].s > angles[widest].s) widest = i;
   }
   // A and B of section 4.1 over l1 l2 l3; A = r . normal from the nearest vertex.
-  const Real scale_2 = r[(near + 1) % 3].scale;
-  const Real scale_3 = r[(near + 2) % 3].scale;
-  const glm::vec<3, Real> normal = triangle_normal(triangle, scale_2, scale_3);
-  const Real a =
-      glm::dot(r[near].mantissa, normal) * (r[0].inverse_norm * r[1].inverse_norm * r[2].inverse_norm);
+  const ScaledVector<Real, 3>& second = r[(near + 1) % 3];
+  const ScaledVector<Real, 3>& third = r[(near + 2) % 3];
+  const glm::vec<3, Real> normal = triangle_normal(triangle, second.scale, third.scale);
+  const Real a = glm::dot(r[near].mantissa, normal) *
+                 (r[near].inverse_norm * (second.inverse_norm * third.inverse_norm));
   const EdgeAngle<Real>& before = angles[(widest + 1) % 3];
   const EdgeAngle<Real>& after = angles[(widest + 2) % 3];
   // c of `before` points toward the pivot and that of `after` away from it, hence the minus.
