@@ -1,0 +1,93 @@
+// Light that the medium sends to a point: M_med of method.md section 8, with gradient and Hessian, by
+// marching along the rays of a direction grid.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/random.h"
+#include "core/ray_counters.h"
+#include "derivatives/estimator.h"
+#include "derivatives/source.h"
+
+namespace fogbank::derivatives {
+
+/// A piece of a ray inside one medium, or in vacuum.
+struct MediumStretch {
+  int32_t medium = scene::none;
+  double begin = 0;
+  double end = 0;  ///< infinity for the last one of a ray that hits nothing
+  Vec3d normal{0, 0,
+               1};      ///< of the boundary at `begin`, unit; unused for the stretch that begins at the point
+  Spectrum through{1};  ///< what the surfaces up to `begin` let through
+};
+
+/// A direction of the grid with what lies along it.
+struct MediumRay {
+  Vec3d direction{0, 0, 1};  ///< unit
+  double end = 0;            ///< distance of the surface that ends the ray; infinity where there is none
+  /// Which surface that is: triangles between rays that end on different ones are cut at silhouettes.
+  /// no_surface where the ray ends nowhere.
+  uint32_t surface = no_surface;
+  std::vector<MediumStretch> stretches;  ///< from the point on, without gaps, up to `end`
+
+  static constexpr uint32_t no_surface = 0xffffffff;
+};
+
+/// Where, between two rays of a triangle that end on different surfaces, the outline of the nearer surface
+/// lies: found by bisection (method.md section 6.2).
+struct RayOutline {
+  uint32_t near = 0;  ///< the ray that ends on the surface whose outline it is
+  uint32_t far = 0;
+  Vec3d point{0};   ///< on that surface, relative to the rays' origin
+  Vec3d behind{0};  ///< in the same direction where the far ray's kind of line ends
+};
+
+struct MediumRecord;
+
+struct MediumGatherSettings {
+  /// March of sources that are free of noise (method.md section 17): strata in mean free paths, and as a
+  /// share of the longest way.
+  double optical_step = 0.25;
+  int32_t steps = 32;
+  /// Strata of equal transmittance along a ray where every sample of the source is a noisy path. The noise of
+  /// the Hessian grows as the inverse width of the first one, for all of them together it falls only as the
+  /// square root (method.md section 8.3); four make that 0.29 mean free paths in thick media.
+  int32_t noisy_strata = 4;
+};
+
+/// Gathers for one world and source; immutable, one instance serves all threads.
+class MediumGather {
+ public:
+  MediumGather(const transport::World& world, const MediumSource& source,
+               const MediumGatherSettings& settings = {})
+      : world_(world), source_(source), settings_(settings) {}
+
+  /// Mean radiance that arrives at `x` from the medium along `rays`, which stand for equal solid angles and
+  /// begin in the same medium: the stratified mean, unbiased. Derivatives are of the light that `triangles`
+  /// (indices into `rays`, a closed triangulation of the sphere, r1 . (r2 x r3) > 0 but for inverted ones)
+  /// hold together; they are 0 unless `order` asks for them. `outlines`, in any order, may be empty: a
+  /// surface is then taken to reach no farther than its last ray, which makes gradients near silhouettes
+  /// wrong by the order of the grid's spacing. Finite.
+  RadianceJet gather(const Vec3f& x, std::span<const MediumRay> rays,
+                     std::span<const std::array<uint32_t, 3>> triangles, std::span<const RayOutline> outlines,
+                     DerivativeOrder order, RandomStream& random, RayCounters& counters) const;
+
+ private:
+  /// Returns the length of the first stratum around the point, 0 where that medium doesn't scatter.
+  double march(MediumRecord& record, RandomStream& random, RayCounters& counters) const;
+  void march_stretch(MediumRecord& record, size_t ray, size_t stretch, std::span<const double> ends,
+                     double phase, RandomStream& random, RayCounters& counters) const;
+  void look_nearby(MediumRecord& record, double first_stratum, RandomStream& random,
+                   RayCounters& counters) const;
+  Spectrum source_at(const MediumRecord& record, size_t ray, double distance, int32_t medium,
+                     RandomStream& random, RayCounters& counters) const;
+
+  const transport::World& world_;
+  const MediumSource& source_;
+  MediumGatherSettings settings_;
+};
+
+}  // namespace fogbank::derivatives

@@ -1,0 +1,79 @@
+// What one gather of a medium's light has collected, and the derivatives of that.
+#pragma once
+
+#include "derivatives/medium_gather.h"
+#include "derivatives/medium_shells.h"
+
+namespace fogbank::derivatives {
+
+/// A look at the medium's source along a ray.
+struct MediumSample {
+  double distance = 0;
+  uint32_t stretch = 0;
+  /// In the first stratum around the point, which derivatives see through MediumRecord::nearby.
+  bool near = false;
+  Vec3d weight{0};  ///< sigma_s times transmittance over the distance's density
+  Vec3d source{0};  ///< q
+};
+
+/// The source close to the point, along one ray: at `distance`, standing for all up to `length`.
+struct NearbySample {
+  double distance = 0;
+  double length = 0;
+  Vec3d source{0};
+};
+
+/// Lines of sight of one point with everything that was seen along them.
+struct MediumRecord {
+  const transport::World& world;
+  Vec3f x{0};
+  std::span<const MediumRay> rays;
+  std::span<const std::array<uint32_t, 3>> triangles;
+  std::vector<RayOutline> outlines;  ///< ascending by their pairs of rays
+  double far = 0;                    ///< ends farther away, and none, count as this far
+  double least = 0;                  ///< ends nearer than this count as this near
+  /// Of the medium around the point.
+  int32_t medium = scene::none;
+  Vec3d sigma_t{0};
+  Vec3d sigma_s{0};
+  std::vector<MediumSample> samples;  ///< ray after ray
+  std::vector<size_t> first;          ///< of each ray, and the end of the last
+  std::vector<NearbySample> nearby;   ///< of each ray; empty where the medium doesn't scatter
+  Vec3d constant{0};                  ///< q0: the source at the point
+
+  MediumRecord(const transport::World& the_world, const Vec3f& point, std::span<const MediumRay> the_rays,
+               std::span<const std::array<uint32_t, 3>> the_triangles,
+               std::span<const RayOutline> the_outlines);
+
+  double end(double distance) const { return std::clamp(distance, least, far); }
+  /// Of the stretch that begins at the point.
+  double first_end(size_t ray) const { return end(rays[ray].stretches.front().end); }
+  std::span<const MediumSample> samples_of(size_t ray) const {
+    return std::span(samples).subspan(first[ray], first[ray + 1] - first[ray]);
+  }
+  /// Stratified mean over the rays.
+  Vec3d value() const;
+  /// Gradient and Hessian of all channels; values are those of the triangulation, which is biased.
+  RadianceJet derivatives() const;
+
+ private:
+  struct PathBeyond;
+
+  /// weight (q - q0) of a channel.
+  double excess(const MediumSample& sample, int channel) const {
+    return sample.weight[channel] * (sample.source[channel] - (sample.stretch == 0 ? constant[channel] : 0));
+  }
+  uint32_t first_surface(size_t ray) const;
+  const RayOutline* outline(uint32_t a, uint32_t b) const;
+  /// Point, on a shell at `distance`, between a ray that has ended and one that hasn't.
+  Vec3d shell_outline(uint32_t ended, uint32_t passing, double distance) const;
+  /// What the samples of a ray up to `until` contribute to shells that nothing cuts.
+  ShellMoments<double> moments(size_t ray, double until, int channel) const;
+  /// The constant part of the medium around the point: closed forms (method.md section 8.3).
+  void add_constant(RadianceJet& sum) const;
+  /// Samples beyond the nearest end of a triangle whose rays end on different surfaces.
+  void add_cut_shells(const std::array<uint32_t, 3>& triangle, const std::array<Vec3d, 3>& directions,
+                      RadianceJet& sum) const;
+};
+
+}  // namespace fogbank::derivatives
