@@ -32,7 +32,7 @@ class MediumSum {
   Estimate result() {
     for (size_t i = 0; i < ring_.sights.size(); ++i) {
       const size_t j = i + 1 < ring_.sights.size() ? i + 1 : 0;
-      if (constant_ > 0) add_constant(ring_.sights[i], ring_.sights[j]);
+      if (constant_ != 0) add_constant(ring_.sights[i], ring_.sights[j]);
       const size_t common = std::min(marches_[i].size(), marches_[j].size());
       add_common_shells(i, j, common);
       if (marches_[i].size() > common) add_slanted_shells(i, j, common, false);

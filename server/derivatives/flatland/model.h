@@ -8,11 +8,11 @@
 
 namespace fogbank::derivatives::flatland {
 
-/// Limits of `Settings`. Points of a march are samples times steps of the longest ray.
+/// Limits. Points of a march are samples times steps of the longest ray; each asks for single scattering.
 inline constexpr int32_t smallest_sample_count = 4;
 inline constexpr int32_t largest_sample_count = 1 << 16;
 inline constexpr int32_t largest_bisection_count = 40;
-inline constexpr int64_t largest_march_points = 1 << 22;
+inline constexpr int64_t largest_march_points = 1 << 20;
 
 /// Immutable; serves any number of threads.
 class Model {

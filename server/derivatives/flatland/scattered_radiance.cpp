@@ -14,11 +14,14 @@ namespace fogbank::derivatives::flatland {
 
 namespace {
 
-/// Nodes a cell, in angle and along the ray; 16 instead change no derivative by more than 1e-3 of its size in
-/// the scenes of scenes/flatland, and values by 1e-7.
+/// Nodes a cell, in angle and along the ray. With 32 of them the double scattering of the box scene changes
+/// by 3e-5 of its value at most, by 5e-5 of its Hessian at the median point and by 5e-3 at most.
 constexpr int nodes_per_cell = 8;
 /// Wider cells, in radians, are divided: the distance of a wall is 1 / cos.
 constexpr double widest_cell = 0.6;
+/// Optically deeper cells are divided along the ray, as far as anything gets through.
+constexpr double deepest_cell = 2;
+constexpr double least_transmittance = 1e-20;
 /// Narrower ones hold nothing.
 constexpr double narrowest_cell = 1e-12;
 
@@ -82,13 +85,11 @@ class ScatteredRadiance::View {
     if (width.value < narrowest_cell) return;
     const double middle = from.value + width.value / 2;
     const int surface = scene_.trace(x_, {std::cos(middle), std::sin(middle)}).surface;
-    const int parts = static_cast<int>(std::ceil(width.value / widest_cell));
     const auto& rule = GaussLegendre<nodes_per_cell>::rule();
+    const int parts = static_cast<int>(std::ceil(width.value / widest_cell));
     for (int part = 0; part < parts; ++part) {
-      for (size_t node = 0; node < nodes_per_cell; ++node) {
-        const Jet2d theta = from + width * ((part + rule.nodes[node]) / parts);
-        add_ray(theta, width * (rule.weights[node] / parts), surface);
-      }
+      for (size_t i = 0; i < nodes_per_cell; ++i)
+        add_ray(from + width * ((part + rule.nodes[i]) / parts), width * (rule.weights[i] / parts), surface);
     }
   }
 
@@ -113,12 +114,17 @@ class ScatteredRadiance::View {
   /// int of T q ds over a length of the present ray.
   Jet2d piece(const Jet2d& from, const Jet2d& length) const {
     const auto& rule = GaussLegendre<nodes_per_cell>::rule();
+    const double parts = std::max(1.0, std::ceil(scene_.sigma_t() * length.value / deepest_cell));
     Jet2d sum;
-    for (size_t node = 0; node < nodes_per_cell; ++node) {
-      const Jet2d s = from + length * rule.nodes[node];
-      const Jet2d y[2] = {position_[0] + direction_[0] * s, position_[1] + direction_[1] * s};
-      const Jet2d q = compose(source_.jet({y[0].value, y[1].value}), y[0], y[1]);
-      sum += transmittance_jet(scene_.sigma_t(), s) * q * rule.weights[node];
+    for (double part = 0; part < parts; ++part) {
+      if (transmittance(scene_.sigma_t(), from.value + length.value * (part / parts)) < least_transmittance)
+        break;
+      for (size_t i = 0; i < nodes_per_cell; ++i) {
+        const Jet2d s = from + length * ((part + rule.nodes[i]) / parts);
+        const Jet2d y[2] = {position_[0] + direction_[0] * s, position_[1] + direction_[1] * s};
+        const Jet2d q = compose(source_.jet({y[0].value, y[1].value}), y[0], y[1]);
+        sum += transmittance_jet(scene_.sigma_t(), s) * q * (rule.weights[i] / parts);
+      }
     }
     return sum * length;
   }

@@ -1,5 +1,6 @@
 #include "derivatives/flatland/scene.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -51,6 +52,8 @@ Scene::Scene(SceneDescription description) : description_(std::move(description)
   check_number(sigma_t(), 0, largest_number, "sigma_t", "between 0 and 1e12");
   check_number(description_.albedo, 0, 1, "albedo", "between 0 and 1");
   diagonal_ = glm::distance(box_min(), box_max());
+  if (segments().size() > largest_segment_count)
+    refuse("segments", "are more than " + std::to_string(largest_segment_count));
 
   for (size_t i = 0; i < segments().size(); ++i) {
     const Segment& segment = segments()[i];

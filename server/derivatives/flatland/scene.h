@@ -14,6 +14,9 @@ inline constexpr double largest_number = 1e12;
 /// 4.5).
 inline constexpr double smallest_clearance = 1e-9;
 
+/// Most segments of a scene: visibility costs up to the fourth power of their number.
+inline constexpr int32_t largest_segment_count = 32;
+
 /// A black surface that emits the same radiance from both sides in all directions.
 struct Segment {
   Vec2d start{0};
