@@ -41,6 +41,9 @@ struct EstimatorSettings {
   bool bisect = true;    ///< silhouettes, method.md section 6.2
   bool sliding = false;  ///< sliding term, method.md section 6.4 (a)
   bool corners = false;  ///< T-junction term, method.md section 6.4 (b)
+  /// Terms that the scene doesn't need are left out (transport/plan.h). False computes them all: the same
+  /// result up to rounding, for measuring what leaving out saves.
+  bool leave_out = true;
   uint64_t seed = 0;
 };
 

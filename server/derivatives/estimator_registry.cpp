@@ -4,6 +4,8 @@
 
 #include "core/error.h"
 #include "derivatives/estimator.h"
+#include "derivatives/finite_difference.h"
+#include "derivatives/unaware.h"
 
 namespace fogbank::derivatives {
 
@@ -15,8 +17,20 @@ struct Entry {
                                      const EstimatorSettings& settings);
 };
 
+template <typename Method>
+std::unique_ptr<Estimator> make(std::shared_ptr<const transport::World> world,
+                                const EstimatorSettings& settings) {
+  return std::make_unique<Method>(std::move(world), settings);
+}
+
 const std::vector<Entry>& entries() {
-  static const std::vector<Entry> all{};
+  static const std::vector<Entry> all{
+      {{"unaware", "point-to-point kernels differentiated as if nothing could hide (Jarosz et al. 2008)"},
+       make<Unaware>},
+      {{"finite-difference",
+        "differences of exactly visible direct light and of correlated paths: the slow reference"},
+       make<FiniteDifference>},
+  };
   return all;
 }
 

@@ -64,9 +64,7 @@ class ObstacleFinder {
   ObstacleFinder(const World& world, ObstacleKind kind) : world_(world), scene_(world.scene()) {
     for (uint32_t i = 0; i < scene_.shapes.size(); ++i) {
       const scene::Shape& shape = scene_.shapes[i];
-      const bool counts = kind == ObstacleKind::passing
-                              ? shape.passes_light
-                              : scene_.bsdfs[static_cast<size_t>(shape.bsdf)]->type != "null";
+      const bool counts = kind == ObstacleKind::passing ? shape.passes_light : !world.is_null(i);
       if (!counts) continue;
       any_ = true;
       if (shape.group != scene::none) {

@@ -75,8 +75,7 @@ Surfaces surfaces_of(const World& world) {
       known[index] = 1;
       lobes[index] = lobes_of(world.bsdf(i));
       // A texture may be black wherever it was asked.
-      const bool passes_all = scene.bsdfs[index]->type == "null";
-      if (!passes_all && !is_black(world.bsdf(i).albedo_estimate())) lobes[index].any = true;
+      if (!world.is_null(i) && !is_black(world.bsdf(i).albedo_estimate())) lobes[index].any = true;
     }
     if (lobes[index].any && world.bsdf(i).has_smooth_lobes())
       surfaces.reflecting.push_back(name_of(scene.shapes[i]));

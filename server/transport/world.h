@@ -27,6 +27,10 @@ class World {
   explicit World(std::shared_ptr<scene::Scene> scene);
 
   const scene::Scene& scene() const { return *scene_; }
+  /// Surfaces without any effect on light (BSDF of type null), like those that only bound a medium.
+  bool is_null(uint32_t shape) const {
+    return scene_->bsdfs[static_cast<size_t>(scene_->shapes[shape].bsdf)]->type == "null";
+  }
   const Bsdf& bsdf(uint32_t shape) const { return *bsdfs_[static_cast<size_t>(scene_->shapes[shape].bsdf)]; }
   const LightSampler& lights() const { return *light_sampler_; }
   /// Light of a hit surface; SceneLights::no_light when it doesn't emit.

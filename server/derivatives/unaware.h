@@ -1,0 +1,51 @@
+// Occlusion-unaware derivatives: the rival, after Jarosz, Donner, Zwicker and Jensen 2008, "Radiance Caching
+// for Participating Media".
+//
+// Every sample of light is a fixed point y, on a light, on a surface, or in the medium, and the transport
+// kernel from y to x is differentiated with visibility held constant (method.md section 9). In the open this
+// is exact up to noise; where silhouettes move over a light it misses their motion, which in a penumbra is
+// nearly all of the derivative.
+#pragma once
+
+#include <memory>
+
+#include "derivatives/estimator.h"
+#include "derivatives/media_path.h"
+#include "transport/path_tracer.h"
+#include "transport/plan.h"
+
+namespace fogbank::derivatives {
+
+class Unaware final : public Estimator {
+ public:
+  /// Each light gets settings.samples / 5 shadow rays (about the rays of the other method's light grid and
+  /// its bisections) by its share of the fluence, surfaces settings.samples directions, the medium
+  /// march points along each of those.
+  Unaware(std::shared_ptr<const transport::World> world, const EstimatorSettings& settings);
+
+  RadianceJet estimate(const Vec3f& x, uint32_t repeat, RayCounters& counters) const override;
+
+ private:
+  struct Gather;
+  struct Stretch {
+    float begin = 0;
+    float length = 0;
+    int32_t medium = scene::none;
+  };
+
+  void add_lights(Gather& gather) const;
+  void add_sphere(Gather& gather) const;
+  /// What arrives along one direction, weighted by `share` (1 / number of directions).
+  void add_direction(Gather& gather, const Vec3f& direction, float share, RandomStream& random) const;
+  /// Light from a stretch of a direction within one medium, behind the boundaries of `path`.
+  void march(Gather& gather, const Vec3f& direction, const Stretch& stretch, float share,
+             const MediaPath& path) const;
+
+  std::shared_ptr<const transport::World> world_;
+  EstimatorSettings settings_;
+  transport::Plan plan_;
+  transport::PathTracer paths_;
+  int32_t emitters_ = 0;  ///< a mesh or an environment counts as one
+};
+
+}  // namespace fogbank::derivatives
