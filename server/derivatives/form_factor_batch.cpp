@@ -1,7 +1,6 @@
 #include "derivatives/form_factor_batch.h"
 
 #include <algorithm>
-#include <bit>
 #include <numbers>
 
 namespace fogbank::derivatives {
@@ -37,34 +36,24 @@ struct Corner {
   Vector<Real> field;  ///< direction / distance^2
 };
 
-/// Swaps lanes and registers: register i, lane j <-> register j, lane i.
-template <typename Real, size_t count = simd_lanes<Real>>
-std::array<Simd<Real>, count> transpose(const std::array<Simd<Real>, count>& rows) {
-  std::array<Simd<Real>, count> columns;
-  for (size_t i = 0; i < count; ++i)
-    for (size_t j = 0; j < count; ++j) columns[i][j] = rows[j][i];
-  return columns;
-}
-
-template <typename Real, size_t lanes = simd_lanes<Real>>
+template <typename Real>
 Corner<Real> load_corner(std::span<const BatchVertex<Real>> vertices, const BatchTriangle* triangles,
                          size_t corner) {
-  Corner<Real> result;
-  for (size_t lane = 0; lane < lanes; ++lane) {
-    const BatchVertex<Real>& vertex = vertices[triangles[lane].vertices[corner]];
-    for (size_t axis = 0; axis < 3; ++axis) result.direction[axis][lane] = vertex.direction[axis];
-    result.inverse_distance[lane] = vertex.inverse_distance;
-  }
-  const Simd<Real> square = result.inverse_distance * result.inverse_distance;
-  for (size_t axis = 0; axis < 3; ++axis) result.field[axis] = result.direction[axis] * square;
-  return result;
+  std::array<const Quad<Real>*, simd_lanes<Real>> items;
+  for (size_t lane = 0; lane < items.size(); ++lane)
+    items[lane] = &vertices[triangles[lane].vertices[corner]].components;
+  const auto [x, y, z, inverse_distance] = load_quads(items);
+  const Simd<Real> square = inverse_distance * inverse_distance;
+  return {{x, y, z}, inverse_distance, {x * square, y * square, z * square}};
 }
 
 /// Adds 4 pi times the gradient and Hessian of the directed edge a -> b to `sums`; returns 1 + u_a . u_b.
 /// On unit directions 2 u_a x u_b = (u_a + u_b) x (u_b - u_a) and 2 (1 + u_a . u_b) = |u_a + u_b|^2: free of
 /// cancellation at all angles, and antisymmetric in a, b.
+// Inlined by force: the sums of a triangle's three edges then stay in registers.
 template <typename Real, DerivativeOrder order>
-Simd<Real> add_edge(const Corner<Real>& a, const Corner<Real>& b, std::array<Simd<Real>, 10>& sums) {
+[[gnu::always_inline]] inline Simd<Real> add_edge(const Corner<Real>& a, const Corner<Real>& b,
+                                                  std::array<Simd<Real>, 10>& sums) {
   const Vector<Real> along = add<Real>(a.direction, b.direction);
   const Simd<Real> square = dot<Real>(along, along);
   if constexpr (order != DerivativeOrder::value) {
@@ -97,8 +86,8 @@ Simd<Real> add_edge(const Corner<Real>& a, const Corner<Real>& b, std::array<Sim
 
 /// Jets of simd_lanes triangles, entries as in VertexFormFactor.
 template <typename Real, DerivativeOrder order>
-std::array<Simd<Real>, 10> triangle_jets(std::span<const BatchVertex<Real>> vertices,
-                                         const BatchTriangle* triangles) {
+[[gnu::always_inline]] inline std::array<Simd<Real>, 10> triangle_jets(
+    std::span<const BatchVertex<Real>> vertices, const BatchTriangle* triangles) {
   const Corner<Real> c1 = load_corner(vertices, triangles, 0);
   const Corner<Real> c2 = load_corner(vertices, triangles, 1);
   const Corner<Real> c3 = load_corner(vertices, triangles, 2);
@@ -130,6 +119,8 @@ void gather(std::span<const BatchVertex<Real>> vertices, std::span<const BatchTr
             std::span<VertexFormFactor<Real>> form_factors) {
   constexpr size_t lanes = simd_lanes<Real>;
   constexpr size_t registers = used_registers<Real>(order);
+  // One over the number of receivers.
+  constexpr std::array<Real, 8> shares{0, 1, 1, Real(0.5), 1, Real(0.5), Real(0.5), Real(1) / 3};
   for (size_t first = 0; first < triangles.size(); first += lanes) {
     const size_t count = std::min(lanes, triangles.size() - first);
     const BatchTriangle* block = &triangles[first];
@@ -142,11 +133,11 @@ void gather(std::span<const BatchVertex<Real>> vertices, std::span<const BatchTr
     std::array<std::array<Simd<Real>, lanes>, registers> rows{};
     for (size_t i = 0; i < registers; ++i) {
       for (size_t j = 0; j < lanes && i * lanes + j < jets.size(); ++j) rows[i][j] = jets[i * lanes + j];
-      rows[i] = transpose<Real>(rows[i]);
+      rows[i] = transpose(rows[i]);
     }
     for (size_t lane = 0; lane < count; ++lane) {
       const uint32_t receivers = block[lane].receivers;
-      const Real share = Real(1) / static_cast<Real>(std::max(std::popcount(receivers), 1));
+      const Real share = shares[receivers & BatchTriangle::all];
       for (size_t corner = 0; corner < 3; ++corner) {
         if ((receivers >> corner & 1) == 0) continue;
         auto& sums = form_factors[block[lane].vertices[corner]].registers;
@@ -172,19 +163,17 @@ void add_block(const BatchVertex<Real>* vertices, const VertexFormFactor<Real>* 
   for (size_t i = 0; i < registers; ++i) {
     std::array<Simd<Real>, lanes> rows;
     for (size_t lane = 0; lane < lanes; ++lane) rows[lane] = form_factors[lane].registers[i];
-    rows = transpose<Real>(rows);
+    rows = transpose(rows);
     std::copy(rows.begin(), rows.end(), f.begin() + static_cast<std::ptrdiff_t>(i * lanes));
   }
   std::array<Simd<Real>, channel_sums> terms;
   size_t used = 1;
   terms[0] = f[0];
   if constexpr (order != DerivativeOrder::value) {
-    Vector<Real> u;
-    Simd<Real> inverse_distance;
-    for (size_t lane = 0; lane < lanes; ++lane) {
-      for (size_t axis = 0; axis < 3; ++axis) u[axis][lane] = vertices[lane].direction[axis];
-      inverse_distance[lane] = vertices[lane].inverse_distance;
-    }
+    std::array<const Quad<Real>*, lanes> items;
+    for (size_t lane = 0; lane < lanes; ++lane) items[lane] = &vertices[lane].components;
+    const auto [x, y, z, inverse_distance] = load_quads(items);
+    const Vector<Real> u{x, y, z};
     used = order == DerivativeOrder::gradient ? 7 : channel_sums;
     for (size_t axis = 0; axis < 3; ++axis) {
       terms[1 + axis] = f[1 + axis];

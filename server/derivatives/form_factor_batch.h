@@ -12,12 +12,17 @@
 
 namespace fogbank::derivatives {
 
-/// A vertex of a direction grid as seen from the point. 1/distance = 0 is allowed: infinitely far, without
-/// parallax.
+/// A vertex of a direction grid as seen from the point: its direction (unit length) and 1/distance, >= 0. 0
+/// is allowed: infinitely far, without parallax.
 template <typename Real>
 struct alignas(4 * sizeof(Real)) BatchVertex {
-  std::array<Real, 3> direction;  ///< unit length
-  Real inverse_distance;          ///< 1/length, >= 0
+  Quad<Real> components{};  ///< direction x, y, z; inverse distance
+
+  BatchVertex() = default;
+  BatchVertex(const glm::vec<3, Real>& direction, Real inverse_distance)
+      : components{direction.x, direction.y, direction.z, inverse_distance} {}
+  glm::vec<3, Real> direction() const { return {components[0], components[1], components[2]}; }
+  Real inverse_distance() const { return components[3]; }
 };
 
 /// A triangle, counter-clockwise as seen from the point where its form factor is positive, and which of its

@@ -6,6 +6,10 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
+#if defined(__AVX2__) && defined(__FMA__)
+#include <immintrin.h>
+#endif
 
 namespace fogbank::derivatives {
 
@@ -15,16 +19,89 @@ struct SimdOf {
   typedef Real Type __attribute__((vector_size(32)));
 };
 template <typename Real>
-using Simd = typename SimdOf<Real>::Type;
+using Simd = SimdOf<Real>::Type;
 template <typename Real>
 inline constexpr size_t simd_lanes = SimdOf<Real>::lanes;
 
-/// a b + c, rounded once. Written out, as the compiler may not contract a * b + c by itself.
+/// a b + c, rounded once. Spelt out for AVX2, as compilers may not contract a * b + c (-ffp-contract=off) and
+/// don't always find the vector instruction for a loop over lanes.
 template <typename Real>
 inline Simd<Real> multiply_add(const Simd<Real>& a, const Simd<Real>& b, const Simd<Real>& c) {
+#if defined(__AVX2__) && defined(__FMA__)
+  if constexpr (sizeof(Real) == 4)
+    return _mm256_fmadd_ps(a, b, c);
+  else
+    return _mm256_fmadd_pd(a, b, c);
+#else
   Simd<Real> result;
   for (size_t i = 0; i < simd_lanes<Real>; ++i) result[i] = std::fma(a[i], b[i], c[i]);
   return result;
+#endif
+}
+
+/// Swaps registers and lanes: register i, lane j <-> register j, lane i.
+inline std::array<Simd<double>, 4> transpose(const std::array<Simd<double>, 4>& rows) {
+  const auto low = [](Simd<double> a, Simd<double> b) { return __builtin_shufflevector(a, b, 0, 4, 2, 6); };
+  const auto high = [](Simd<double> a, Simd<double> b) { return __builtin_shufflevector(a, b, 1, 5, 3, 7); };
+  const Simd<double> even_a = low(rows[0], rows[1]);
+  const Simd<double> even_b = low(rows[2], rows[3]);
+  const Simd<double> odd_a = high(rows[0], rows[1]);
+  const Simd<double> odd_b = high(rows[2], rows[3]);
+  return {
+      __builtin_shufflevector(even_a, even_b, 0, 1, 4, 5), __builtin_shufflevector(odd_a, odd_b, 0, 1, 4, 5),
+      __builtin_shufflevector(even_a, even_b, 2, 3, 6, 7), __builtin_shufflevector(odd_a, odd_b, 2, 3, 6, 7)};
+}
+
+/// The same within each half of four lanes: of rows (a b c d | e f g h), the first result has the four a,
+/// then the four e.
+inline std::array<Simd<float>, 4> transpose_halves(const std::array<Simd<float>, 4>& rows) {
+  const auto low = [](Simd<float> a, Simd<float> b) {
+    return __builtin_shufflevector(a, b, 0, 8, 1, 9, 4, 12, 5, 13);
+  };
+  const auto high = [](Simd<float> a, Simd<float> b) {
+    return __builtin_shufflevector(a, b, 2, 10, 3, 11, 6, 14, 7, 15);
+  };
+  // Interleaving first with third and second with fourth, then the two.
+  const Simd<float> low_even = low(rows[0], rows[2]);
+  const Simd<float> low_odd = low(rows[1], rows[3]);
+  const Simd<float> high_even = high(rows[0], rows[2]);
+  const Simd<float> high_odd = high(rows[1], rows[3]);
+  return {low(low_even, low_odd), high(low_even, low_odd), low(high_even, high_odd),
+          high(high_even, high_odd)};
+}
+
+inline std::array<Simd<float>, 8> transpose(const std::array<Simd<float>, 8>& rows) {
+  const auto first = transpose_halves({rows[0], rows[1], rows[2], rows[3]});
+  const auto second = transpose_halves({rows[4], rows[5], rows[6], rows[7]});
+  std::array<Simd<float>, 8> columns;
+  for (size_t i = 0; i < 4; ++i) {
+    columns[i] = __builtin_shufflevector(first[i], second[i], 0, 1, 2, 3, 8, 9, 10, 11);
+    columns[i + 4] = __builtin_shufflevector(first[i], second[i], 4, 5, 6, 7, 12, 13, 14, 15);
+  }
+  return columns;
+}
+
+/// Four components of an item a lane.
+template <typename Real>
+using Quad = std::array<Real, 4>;
+
+/// Component c of `items[lane]` in lane `lane` of register c.
+inline std::array<Simd<double>, 4> load_quads(const std::array<const Quad<double>*, 4>& items) {
+  std::array<Simd<double>, 4> rows;
+  for (size_t lane = 0; lane < 4; ++lane) std::memcpy(&rows[lane], items[lane]->data(), sizeof(Simd<double>));
+  return transpose(rows);
+}
+inline std::array<Simd<float>, 4> load_quads(const std::array<const Quad<float>*, 8>& items) {
+  typedef float Half __attribute__((vector_size(16)));
+  std::array<Simd<float>, 4> rows;
+  for (size_t lane = 0; lane < 4; ++lane) {
+    Half low;
+    Half high;
+    std::memcpy(&low, items[lane]->data(), sizeof(Half));
+    std::memcpy(&high, items[lane + 4]->data(), sizeof(Half));
+    rows[lane] = __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7);
+  }
+  return transpose_halves(rows);
 }
 
 /// Angle of (x, y) in [-pi, pi], as std::atan2 but for signed zeros: the angle of (0, 0) is 0 and that of (x,

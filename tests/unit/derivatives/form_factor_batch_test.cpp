@@ -25,8 +25,8 @@ struct Batch {
 
   Batch(const Surroundings& surroundings, RandomStream& random) {
     for (size_t i = 0; i < surroundings.directions.size(); ++i) {
-      const glm::vec<3, Real> u(surroundings.directions[i]);
-      vertices.push_back({{u.x, u.y, u.z}, static_cast<Real>(1 / surroundings.distances[i])});
+      vertices.emplace_back(glm::vec<3, Real>(surroundings.directions[i]),
+                            static_cast<Real>(1 / surroundings.distances[i]));
       weights.emplace_back(random.next_float(), random.next_float(), random.next_float());
     }
     for (const auto& corners : surroundings.triangles)
@@ -34,8 +34,7 @@ struct Batch {
   }
   /// The vertex that the batch has after rounding, relative to the point.
   Vec3d position(uint32_t i) const {
-    const auto& [direction, inverse_distance] = vertices[i];
-    return Vec3d(direction[0], direction[1], direction[2]) / static_cast<double>(inverse_distance);
+    return Vec3d(vertices[i].direction()) / static_cast<double>(vertices[i].inverse_distance());
   }
 };
 
@@ -145,7 +144,7 @@ TYPED_TEST(FormFactorBatch, VerticesAtInfinityHaveNoParallax) {
   using Real = TypeParam;
   RandomStream random(3, 0, 0, 0);
   Batch<Real> batch(closed_surroundings(random, 1, 0.1, 1, 2), random);
-  for (auto& vertex : batch.vertices) vertex.inverse_distance = 0;
+  for (auto& vertex : batch.vertices) vertex = {vertex.direction(), 0};
   const auto form_factors =
       gather_form_factors<Real>(batch.vertices, batch.triangles, DerivativeOrder::hessian);
   for (const auto& form_factor : form_factors) {
