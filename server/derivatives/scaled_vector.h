@@ -3,8 +3,11 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <limits>
+#include <type_traits>
 
 #include "core/vector.h"
 
@@ -15,6 +18,17 @@ namespace fogbank::derivatives {
 template <typename Real>
 Real smallest_distance() {
   return std::ldexp(Real(1), std::numeric_limits<Real>::min_exponent / 2 + 3);
+}
+
+/// Largest power of two that isn't above x, a normal number > 0.
+template <typename Real>
+Real power_of_two_below(Real x) {
+  if constexpr (std::is_same_v<Real, float>)
+    return std::bit_cast<float>(std::bit_cast<uint32_t>(x) & 0x7f800000u);
+  else if constexpr (std::is_same_v<Real, double>)
+    return std::bit_cast<double>(std::bit_cast<uint64_t>(x) & 0x7ff0000000000000u);
+  else
+    return std::ldexp(Real(1), std::ilogb(x));
 }
 
 /// r = mantissa / scale. `scale` is a power of two, hence `mantissa` is exact and 1 <= max |component| < 2.
@@ -31,7 +45,7 @@ struct ScaledVector {
     Real largest = 0;
     for (int i = 0; i < Dim; ++i) largest = std::max(largest, std::abs(r[i]));
     if (!(largest >= smallest_distance<Real>())) return;
-    scale = std::ldexp(Real(1), -std::ilogb(largest));
+    scale = 1 / power_of_two_below(largest);
     mantissa = r * scale;
     inverse_norm = 1 / std::sqrt(glm::dot(mantissa, mantissa));
   }

@@ -28,6 +28,15 @@ struct RelativeTriangle {
   }
 };
 
+template <typename Real>
+using ScaledVertices = std::array<ScaledVector<Real, 3>, 3>;
+
+template <typename Real>
+ScaledVertices<Real> scaled_vertices(const RelativeTriangle<Real>& triangle) {
+  const auto& [r1, r2, r3] = triangle.vertices;
+  return {ScaledVector<Real, 3>(r1), ScaledVector<Real, 3>(r2), ScaledVector<Real, 3>(r3)};
+}
+
 /// Arctangent: differentiates the formula of the value; exact for small and far triangles, loses digits close
 /// to edges. Edge: sum of one term an edge; the reverse.
 enum class TriangleForm : uint8_t { arctangent, edge };
@@ -103,10 +112,7 @@ glm::vec<3, Real> triangle_normal(const RelativeTriangle<Real>& triangle, Real s
 /// Form factor by its value alone: accurate on edges, on the triangle's plane and for any ratio of distances
 /// (method.md section 4.4). +-1/2 on the triangle itself, 0 elsewhere on its plane.
 template <typename Real>
-Real triangle_form_factor(const RelativeTriangle<Real>& triangle) {
-  const auto& [r1, r2, r3] = triangle.vertices;
-  const std::array<ScaledVector<Real, 3>, 3> r{ScaledVector<Real, 3>(r1), ScaledVector<Real, 3>(r2),
-                                               ScaledVector<Real, 3>(r3)};
+Real triangle_form_factor(const RelativeTriangle<Real>& triangle, const ScaledVertices<Real>& r) {
   const std::array<EdgeAngle<Real>, 3> angles{EdgeAngle<Real>(r[0], r[1], triangle.edges[0]),
                                               EdgeAngle<Real>(r[1], r[2], triangle.edges[1]),
                                               EdgeAngle<Real>(r[2], r[0], triangle.edges[2])};
@@ -135,11 +141,8 @@ Real triangle_form_factor(const RelativeTriangle<Real>& triangle) {
 /// two vertices are more than 120 degrees apart, or distances differ so much that products of six of them
 /// need not fit a Real.
 template <typename Real>
-TriangleForm select_triangle_form(const RelativeTriangle<Real>& triangle) {
+TriangleForm select_triangle_form(const ScaledVertices<Real>& r) {
   constexpr Real largest_ratio = 1000;
-  const auto& [r1, r2, r3] = triangle.vertices;
-  const std::array<ScaledVector<Real, 3>, 3> r{ScaledVector<Real, 3>(r1), ScaledVector<Real, 3>(r2),
-                                               ScaledVector<Real, 3>(r3)};
   for (size_t i = 0; i < 3; ++i) {
     const ScaledVector<Real, 3>& a = r[i];
     const ScaledVector<Real, 3>& b = r[(i + 1) % 3];
@@ -154,10 +157,11 @@ TriangleForm select_triangle_form(const RelativeTriangle<Real>& triangle) {
 
 /// method.md section 4.1. For triangles that select_triangle_form() gives to it; others may overflow.
 template <typename Real>
-Jet<Real, 3> triangle_form_factor_arctangent(const RelativeTriangle<Real>& triangle) {
+Jet<Real, 3> triangle_form_factor_arctangent(const RelativeTriangle<Real>& triangle,
+                                             const ScaledVertices<Real>& scaled) {
   using Vector = glm::vec<3, Real>;
   using Matrix = Symmetric<Real, 3>;
-  const Real scale = ScaledVector<Real, 3>(triangle.vertices[0]).scale;
+  const Real scale = scaled[0].scale;
   std::array<Vector, 3> r;
   std::array<Vector, 3> u;
   std::array<Real, 3> length;
@@ -195,21 +199,18 @@ Jet<Real, 3> triangle_form_factor_arctangent(const RelativeTriangle<Real>& trian
   const Matrix hessian = -a_d * hessian_b -
                          (2 * a_d * b_d) * (Matrix::outer(normal) - Matrix::outer(gradient_b)) -
                          (a_d * a_d - b_d * b_d) * Matrix::outer_sum(normal, gradient_b);
-  return {triangle_form_factor(triangle), gradient * (inverse_2pi * scale),
+  return {triangle_form_factor(triangle, scaled), gradient * (inverse_2pi * scale),
           hessian * (inverse_2pi * scale) * scale};
 }
 
 /// method.md section 4.3: the three edge terms, with the value by section 4.4.
 template <typename Real>
-Jet<Real, 3> triangle_form_factor_edges(const RelativeTriangle<Real>& triangle) {
-  const auto& [r1, r2, r3] = triangle.vertices;
-  const ScaledVector<Real, 3> s1(r1);
-  const ScaledVector<Real, 3> s2(r2);
-  const ScaledVector<Real, 3> s3(r3);
-  Jet<Real, 3> jet = edge_term(s1, s2, triangle.edges[0]);
-  jet += edge_term(s2, s3, triangle.edges[1]);
-  jet += edge_term(s3, s1, triangle.edges[2]);
-  jet.value = triangle_form_factor(triangle);
+Jet<Real, 3> triangle_form_factor_edges(const RelativeTriangle<Real>& triangle,
+                                        const ScaledVertices<Real>& scaled) {
+  Jet<Real, 3> jet = edge_term(scaled[0], scaled[1], triangle.edges[0]);
+  jet += edge_term(scaled[1], scaled[2], triangle.edges[1]);
+  jet += edge_term(scaled[2], scaled[0], triangle.edges[2]);
+  jet.value = triangle_form_factor(triangle, scaled);
   return jet;
 }
 
@@ -219,9 +220,16 @@ Jet<Real, 3> triangle_form_factor_edges(const RelativeTriangle<Real>& triangle) 
 /// Degenerate triangles have form factor 0 and derivatives that are 0 up to rounding.
 template <typename Real>
 Jet<Real, 3> triangle_form_factor_jet(const RelativeTriangle<Real>& triangle) {
-  return select_triangle_form(triangle) == TriangleForm::arctangent
-             ? triangle_form_factor_arctangent(triangle)
-             : triangle_form_factor_edges(triangle);
+  const ScaledVertices<Real> scaled = scaled_vertices(triangle);
+  return select_triangle_form(scaled) == TriangleForm::arctangent
+             ? triangle_form_factor_arctangent(triangle, scaled)
+             : triangle_form_factor_edges(triangle, scaled);
+}
+
+/// The value alone.
+template <typename Real>
+Real triangle_form_factor(const RelativeTriangle<Real>& triangle) {
+  return triangle_form_factor(triangle, scaled_vertices(triangle));
 }
 
 }  // namespace fogbank::derivatives

@@ -1,6 +1,6 @@
 """Measures what the README promises, prints tables and writes out/bench/*.json.
 
-    python -m tests.bench.run [comparison] [embree] [loading] [serving]      all of them by default
+    python -m tests.bench.run [comparison] [embree] [loading] [serving] [form_factors]      all of them by default
 
 Figures depend on the machine and on what else it does; ratios, of runs that take turns, much less. See the modules for
 what exactly is measured.
@@ -18,7 +18,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tests.bench import comparison, embree_share, engines, loading, serving
+from tests.bench import comparison, embree_share, engines, form_factors, loading, serving
 
 
 def processor() -> str:
@@ -45,7 +45,9 @@ def save(name: str, results: Any) -> None:  # noqa: ANN401 - JSON
 def main() -> None:
     """Runs the parts that were asked for."""
     arguments = argparse.ArgumentParser(description="Fogbank's benchmarks")
-    arguments.add_argument("parts", nargs="*", metavar="PART", help="comparison, embree, loading, serving")
+    arguments.add_argument(
+        "parts", nargs="*", metavar="PART", help="comparison, embree, loading, serving, form_factors"
+    )
     arguments.add_argument("--scene", action="append", help="only this scene (comparison, embree)")
     arguments.add_argument("--scale", type=float, default=1, help="of the images' sides")
     arguments.add_argument("--spp", type=int, default=16, help="samples per pixel of a round")
@@ -82,11 +84,17 @@ def main() -> None:
         save("serving", result)
         return serving.table(result)
 
+    def run_form_factors() -> str:
+        rates = form_factors.measure(repetitions=5)
+        save("form_factors", rates)
+        return form_factors.table(rates)
+
     parts: dict[str, Callable[[], str]] = {
         "comparison": run_comparison,
         "embree": run_embree,
         "loading": run_loading,
         "serving": run_serving,
+        "form_factors": run_form_factors,
     }
     unknown = set(options.parts) - set(parts)
     if unknown:

@@ -50,8 +50,9 @@ Reference reference(const Batch<Real>& batch, const Spectrum& sigma_t) {
   Reference result;
   for (const BatchTriangle& triangle : batch.triangles) {
     const auto& [a, b, c] = triangle.vertices;
-    const Jet3d form_factor = triangle_form_factor_edges(
-        RelativeTriangle<double>::from_relative(batch.position(a), batch.position(b), batch.position(c)));
+    const auto relative =
+        RelativeTriangle<double>::from_relative(batch.position(a), batch.position(b), batch.position(c));
+    const Jet3d form_factor = triangle_form_factor_edges(relative, scaled_vertices(relative));
     for (size_t corner = 0; corner < 3; ++corner) {
       if ((triangle.receivers >> corner & 1) == 0) continue;
       const uint32_t vertex = triangle.vertices[corner];

@@ -272,8 +272,8 @@ TYPED_TEST(FormFactorInvariants, FiniteWhateverTheInput) {
     if (kind == 4) r[1] = r[0] * Real(2);
     if (kind == 5) r[1] = -r[0] * (1 + this->epsilon);
     const auto triangle = RelativeTriangle<Real>::from_relative(r[0], r[1], r[2]);
-    for (const Jet<Real, 3>& jet :
-         {triangle_form_factor_jet(triangle), triangle_form_factor_edges(triangle)}) {
+    for (const Jet<Real, 3>& jet : {triangle_form_factor_jet(triangle),
+                                    triangle_form_factor_edges(triangle, scaled_vertices(triangle))}) {
       ASSERT_LE(std::abs(jet.value), Real(0.5));
       for (int axis = 0; axis < 3; ++axis) ASSERT_TRUE(std::isfinite(jet.gradient[axis]));
       for (const Real entry : jet.hessian.entries) ASSERT_TRUE(std::isfinite(entry));

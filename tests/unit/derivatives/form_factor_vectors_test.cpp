@@ -160,8 +160,10 @@ TEST(TriangleVectors, EachFormWhereItIsChosenByOthers) {
   for (const auto& [tag, triangle, truth] : triangle_cases()) {
     if (tag != "random" && tag != "slanted" && tag != "obtuse_over_pi") continue;
     const Bounds bounds{64, 64, 64};
-    expect_close<double, 3>(triangle_form_factor_edges(triangle), truth, bounds, tag + ", edge form");
-    expect_close<double, 3>(triangle_form_factor_arctangent(triangle), truth, bounds, tag + ", arctangent");
+    expect_close<double, 3>(triangle_form_factor_edges(triangle, scaled_vertices(triangle)), truth, bounds,
+                            tag + ", edge form");
+    expect_close<double, 3>(triangle_form_factor_arctangent(triangle, scaled_vertices(triangle)), truth,
+                            bounds, tag + ", arctangent");
   }
 }
 
