@@ -121,13 +121,20 @@ void MediumGather::look_nearby(MediumRecord& record, double first_stratum, Rando
     record.constant += Vec3d(source_.mean_radiance(record.x, record.medium, random, counters));
   record.constant /= static_cast<double>(samples);
   record.nearby.resize(record.rays.size());
+  double squares = 0;
   for (size_t i = 0; i < record.rays.size(); ++i) {
     const double end = record.first_end(i);
     NearbySample& nearby = record.nearby[i];
     nearby.length = std::min(first_stratum, end);
     nearby.distance = std::min(first_stratum, near_share * end);
     nearby.source = Vec3d(source_at(record, i, nearby.distance, record.medium, random, counters));
+    const Vec3d offset = record.rays[i].direction * nearby.distance;
+    for (int c = 0; c < 3; ++c)
+      record.slope[static_cast<size_t>(c)] += (nearby.source[c] - record.constant[c]) * offset;
+    squares += glm::dot(offset, offset);
   }
+  // Least squares, directions being uniform.
+  for (Vec3d& slope : record.slope) slope *= squares > 0 ? 3 / squares : 0;
 }
 
 RadianceJet MediumGather::gather(const Vec3f& x, std::span<const MediumRay> rays,

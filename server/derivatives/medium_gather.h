@@ -28,21 +28,17 @@ struct MediumStretch {
 struct MediumRay {
   Vec3d direction{0, 0, 1};  ///< unit
   double end = 0;            ///< distance of the surface that ends the ray; infinity where there is none
-  /// Which surface that is: triangles between rays that end on different ones are cut at silhouettes.
-  /// no_surface where the ray ends nowhere.
-  uint32_t surface = no_surface;
   std::vector<MediumStretch> stretches;  ///< from the point on, without gaps, up to `end`
-
-  static constexpr uint32_t no_surface = 0xffffffff;
 };
 
-/// Where, between two rays of a triangle that end on different surfaces, the outline of the nearer surface
-/// lies: found by bisection (method.md section 6.2).
+/// An edge of the triangulation whose rays end on surfaces that don't meet between them: the outline of the
+/// nearer one crosses it, in a direction found by bisection (method.md section 6.2). Without that, it is the
+/// near ray's own, which makes derivatives close to silhouettes wrong by the order of the grid's spacing.
 struct RayOutline {
   uint32_t near = 0;  ///< the ray that ends on the surface whose outline it is
   uint32_t far = 0;
   Vec3d point{0};   ///< on that surface, relative to the rays' origin
-  Vec3d behind{0};  ///< in the same direction where the far ray's kind of line ends
+  Vec3d behind{0};  ///< in the same direction on what the far ray's first stretch ends at
 };
 
 struct MediumRecord;
@@ -68,9 +64,8 @@ class MediumGather {
   /// Mean radiance that arrives at `x` from the medium along `rays`, which stand for equal solid angles and
   /// begin in the same medium: the stratified mean, unbiased. Derivatives are of the light that `triangles`
   /// (indices into `rays`, a closed triangulation of the sphere, r1 . (r2 x r3) > 0 but for inverted ones)
-  /// hold together; they are 0 unless `order` asks for them. `outlines`, in any order, may be empty: a
-  /// surface is then taken to reach no farther than its last ray, which makes gradients near silhouettes
-  /// wrong by the order of the grid's spacing. Finite.
+  /// hold together, ends of neighbours being joined but for `outlines`, which come in any order; they are
+  /// 0 unless `order` asks for them. Finite.
   RadianceJet gather(const Vec3f& x, std::span<const MediumRay> rays,
                      std::span<const std::array<uint32_t, 3>> triangles, std::span<const RayOutline> outlines,
                      DerivativeOrder order, RandomStream& random, RayCounters& counters) const;

@@ -14,12 +14,6 @@ namespace {
 constexpr double far_radii = 1e4;
 /// Ends nearer than this share of the scene's radius count as that near (method.md section 4.5).
 constexpr double least_distance = 1e-4;
-/// Ends of first stretches that are no surfaces.
-constexpr uint32_t medium_boundary = MediumRay::no_surface - 1;
-
-bool is_grey(const Vec3d& sigma_t) { return sigma_t.x == sigma_t.y && sigma_t.y == sigma_t.z; }
-
-bool same(uint32_t a, uint32_t b, uint32_t c) { return a == b && b == c; }
 
 using RayPair = std::pair<uint32_t, uint32_t>;
 RayPair pair_of(const RayOutline& outline) {
@@ -57,10 +51,6 @@ Vec3d MediumRecord::value() const {
   return sum / static_cast<double>(rays.size());
 }
 
-uint32_t MediumRecord::first_surface(size_t ray) const {
-  return rays[ray].stretches.size() > 1 ? medium_boundary : rays[ray].surface;
-}
-
 /// Transmittance, over its value, to samples that lie behind boundaries, as the point moves and they don't.
 /// For samples in ascending order.
 struct MediumRecord::PathBeyond {
@@ -89,7 +79,7 @@ ShellMoments<double> MediumRecord::moments(size_t ray, double until, int channel
   for (const MediumSample& sample : samples_of(ray)) {
     if (sample.distance > until) break;
     if (sample.near) continue;
-    const double weight = excess(sample, channel);
+    const double weight = excess(sample, ray, channel);
     if (sample.stretch > 0) {
       moments.add_sample(weight, sample.distance, beyond.transmittance(sample, channel));
       continue;
@@ -102,12 +92,12 @@ ShellMoments<double> MediumRecord::moments(size_t ray, double until, int channel
   double gradient_0 = sums[0];
   double gradient_1 = sums[1];
   if (!nearby.empty()) {
-    // Around the point the source is a linear part, which only the gradient sees, and a quadratic one, which
-    // only the Hessian sees: over all directions everything else cancels. One look from afar gives both
-    // without the noise, inverse to the distance, of samples close by.
+    // Around the point what is left of the source is an odd part, which only the gradient sees, and a
+    // quadratic one, which only the Hessian sees: over all directions everything else cancels. One look from
+    // afar gives both without the noise, inverse to the distance, of samples close by.
     const NearbySample& look = nearby[ray];
     const double inverse = 1 / look.distance;
-    const double linear = sigma_s[channel] * (look.source[channel] - constant[channel]) * inverse;
+    const double linear = sigma_s[channel] * excess(look.source, ray, look.distance, channel) * inverse;
     const double quadratic = linear * inverse;
     const NearIntegrals integrals = near_integrals(sigma_t[channel], look.length);
     gradient_0 += linear * integrals.order1;
@@ -129,58 +119,71 @@ const RayOutline* MediumRecord::outline(uint32_t a, uint32_t b) const {
   return found != outlines.end() && pair_of(*found) == wanted ? &*found : nullptr;
 }
 
-Vec3d MediumRecord::shell_outline(uint32_t ended, uint32_t passing, double distance) const {
-  const Vec3d start = rays[ended].direction * end(rays[ended].end);
-  if (rays[ended].surface == rays[passing].surface) {
-    // One surface that the shell cuts through: where the chord between the two ends has its distance.
-    const Vec3d chord = rays[passing].direction * end(rays[passing].end) - start;
-    const double square = glm::dot(chord, chord);
-    const double middle = glm::dot(start, chord);
-    const double missing = distance * distance - glm::dot(start, start);
-    const double root = std::sqrt(std::max(middle * middle + square * missing, 0.0));
-    return square > 0 ? start + chord * std::clamp((root - middle) / square, 0.0, 1.0) : start;
-  }
-  const RayOutline* found = outline(ended, passing);
-  return found != nullptr && found->near == ended ? found->point : start;
+const RayOutline* MediumRecord::first_outline(uint32_t a, uint32_t b) const {
+  return rays[a].stretches.size() > 1 && rays[b].stretches.size() > 1 ? nullptr : outline(a, b);
 }
 
-void MediumRecord::add_constant(RadianceJet& sum) const {
-  const Vec3d strength = sigma_s * constant;
-  if (strength == Vec3d(0)) return;
-  const bool grey = is_grey(sigma_t);
+bool MediumRecord::is_cut(const std::array<uint32_t, 3>& triangle) const {
+  const auto& [a, b, c] = triangle;
+  return outline(a, b) != nullptr || outline(b, c) != nullptr || outline(c, a) != nullptr;
+}
+
+Vec3d MediumRecord::shell_outline(uint32_t ended, uint32_t passing, double distance) const {
+  const Vec3d start = rays[ended].direction * end(rays[ended].end);
+  if (const RayOutline* found = outline(ended, passing)) return found->near == ended ? found->point : start;
+  // Joined ends, with the shell cutting through: where the chord between the two has its distance.
+  const Vec3d chord = rays[passing].direction * end(rays[passing].end) - start;
+  const double square = glm::dot(chord, chord);
+  const double middle = glm::dot(start, chord);
+  const double missing = distance * distance - glm::dot(start, start);
+  const double root = std::sqrt(std::max(middle * middle + square * missing, 0.0));
+  return square > 0 ? start + chord * std::clamp((root - middle) / square, 0.0, 1.0) : start;
+}
+
+RadianceJet MediumRecord::linear_source(const Vec3d& vertex) const {
+  RadianceJet jet;
+  for (size_t c = 0; c < 3; ++c) {
+    const auto axis = static_cast<int>(c);
+    if (sigma_s[axis] > 0)
+      jet.channels[c] = linear_source_jet(sigma_t[axis], vertex, constant[axis], slope[c]) * sigma_s[axis];
+  }
+  return jet;
+}
+
+void MediumRecord::add_linear(RadianceJet& sum) const {
+  if (sigma_s * constant == Vec3d(0) && slope == std::array<Vec3d, 3>{}) return;
   const auto vertex = [this](uint32_t ray) { return rays[ray].direction * first_end(ray); };
-  const auto add = [&](const ShellPolygon<double>& polygon, std::span<const Vec3d> ends) {
-    const Jet3d form = polygon_form_factor(polygon);
-    Jet3d jet;
-    for (int channel = 0; channel < 3; ++channel) {
-      if (channel == 0 || !grey) {
-        jet = {};
-        for (const Vec3d& end : ends) jet += constant_source_jet(sigma_t[channel], end);
-        jet = jet * form * (1 / static_cast<double>(ends.size()));
-      }
-      sum.channels[static_cast<size_t>(channel)] += jet * strength[channel];
+  std::vector<RadianceJet> along(rays.size());
+  for (uint32_t i = 0; i < along.size(); ++i) along[i] = linear_source(vertex(i));
+  /// The mean of what comes along the ways to some points counts for all of `polygon`.
+  const auto add = [&](const ShellPolygon<double>& polygon, std::span<const RadianceJet> ways) {
+    const Jet3d form = polygon_form_factor(polygon) * (1 / static_cast<double>(ways.size()));
+    for (size_t c = 0; c < 3; ++c) {
+      Jet3d jet = ways[0].channels[c];
+      for (size_t i = 1; i < ways.size(); ++i) jet += ways[i].channels[c];
+      sum.channels[c] += jet * form;
     }
   };
   for (const std::array<uint32_t, 3>& triangle : triangles) {
     const std::array<Vec3d, 3> ends{vertex(triangle[0]), vertex(triangle[1]), vertex(triangle[2])};
     const ShellPolygon<double> whole{{ends[0], ends[1], ends[2], {}}, 3};
-    const std::array<uint32_t, 3> surfaces{first_surface(triangle[0]), first_surface(triangle[1]),
-                                           first_surface(triangle[2])};
-    if (same(surfaces[0], surfaces[1], surfaces[2])) {
-      add(whole, ends);
+    std::array<const RayOutline*, 3> cuts;  // of the edge opposite to each corner
+    for (size_t i = 0; i < 3; ++i) cuts[i] = first_outline(triangle[(i + 1) % 3], triangle[(i + 2) % 3]);
+    if (std::count(cuts.begin(), cuts.end(), nullptr) == 3) {
+      add(whole, std::array{along[triangle[0]], along[triangle[1]], along[triangle[2]]});
       continue;
     }
-    // The corner that differs from the two others, and the outlines on its two sides.
-    const size_t odd = surfaces[1] == surfaces[2] ? 0 : (surfaces[2] == surfaces[0] ? 1 : 2);
+    // The corner that two outlines cut off from the others.
+    const size_t odd = cuts[0] == nullptr ? 0 : (cuts[1] == nullptr ? 1 : 2);
     const std::array<size_t, 2> pair{(odd + 1) % 3, (odd + 2) % 3};
-    const RayOutline* left = outline(triangle[odd], triangle[pair[0]]);
-    const RayOutline* right = outline(triangle[odd], triangle[pair[1]]);
-    if (left == nullptr || right == nullptr || surfaces[pair[0]] != surfaces[pair[1]] ||
+    const RayOutline* left = cuts[pair[1]];
+    const RayOutline* right = cuts[pair[0]];
+    if (cuts[odd] != nullptr || left == nullptr || right == nullptr ||
         (left->near == triangle[odd]) != (right->near == triangle[odd])) {
-      const auto farthest = std::max_element(ends.begin(), ends.end(), [](const Vec3d& a, const Vec3d& b) {
-        return glm::dot(a, a) < glm::dot(b, b);
-      });
-      add(whole, std::span(&*farthest, 1));
+      const uint32_t farthest =
+          *std::max_element(triangle.begin(), triangle.end(),
+                            [this](uint32_t a, uint32_t b) { return first_end(a) < first_end(b); });
+      add(whole, std::span(&along[farthest], 1));
       continue;
     }
     // The outline as seen on the nearer surface and on what lies behind it; in between a strip without
@@ -191,10 +194,14 @@ void MediumRecord::add_constant(RadianceJet& sum) const {
     };
     const auto [odd_left, odd_right] = side(odd_near);
     const auto [pair_left, pair_right] = side(!odd_near);
-    add({{ends[odd], odd_left, odd_right, {}}, 3}, std::array{ends[odd], odd_left, odd_right});
+    const std::array far_ways{linear_source(left->behind), linear_source(right->behind)};
+    const std::array near_ways{linear_source(left->point), linear_source(right->point)};
+    const auto& [left_odd, right_odd] = odd_near ? near_ways : far_ways;
+    const auto& [left_pair, right_pair] = odd_near ? far_ways : near_ways;
+    add({{ends[odd], odd_left, odd_right, {}}, 3}, std::array{along[triangle[odd]], left_odd, right_odd});
     add({{pair_left, ends[pair[0]], ends[pair[1]], pair_right}, 4},
-        std::array{pair_left, ends[pair[0]], ends[pair[1]], pair_right});
-    add({{odd_left, pair_left, pair_right, odd_right}, 4}, std::array{left->behind, right->behind});
+        std::array{left_pair, along[triangle[pair[0]]], along[triangle[pair[1]]], right_pair});
+    add({{odd_left, pair_left, pair_right, odd_right}, 4}, far_ways);
   }
 }
 
@@ -219,7 +226,7 @@ void MediumRecord::add_cut_shells(const std::array<uint32_t, 3>& triangle,
         const Jet3d transmittance = sample.stretch == 0 ? chain(distance, 1.0, -sigma, sigma * sigma)
                                                         : beyond.transmittance(sample, channel);
         sum.channels[static_cast<size_t>(channel)] +=
-            transmittance * form * (excess(sample, channel) / std::max(alive, 1.0));
+            transmittance * form * (excess(sample, ray, channel) / std::max(alive, 1.0));
       }
     }
   }
@@ -227,7 +234,7 @@ void MediumRecord::add_cut_shells(const std::array<uint32_t, 3>& triangle,
 
 RadianceJet MediumRecord::derivatives() const {
   RadianceJet sum;
-  add_constant(sum);
+  add_linear(sum);
   // Form factors of the unit sphere's triangles: those that nothing cuts are shared out to their corners.
   std::vector<Jet3d> cells(rays.size());
   for (const std::array<uint32_t, 3>& triangle : triangles) {
@@ -236,8 +243,7 @@ RadianceJet MediumRecord::derivatives() const {
     const Jet3d third = triangle_form_factor_jet(RelativeTriangle<double>::from_relative(
                             directions[0], directions[1], directions[2])) *
                         (1.0 / 3);
-    const bool cut = !same(rays[triangle[0]].surface, rays[triangle[1]].surface, rays[triangle[2]].surface);
-    if (!cut) {
+    if (!is_cut(triangle)) {
       for (const uint32_t ray : triangle) cells[ray] += third;
       continue;
     }

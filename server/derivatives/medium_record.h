@@ -39,7 +39,10 @@ struct MediumRecord {
   std::vector<MediumSample> samples;  ///< ray after ray
   std::vector<size_t> first;          ///< of each ray, and the end of the last
   std::vector<NearbySample> nearby;   ///< of each ray; empty where the medium doesn't scatter
-  Vec3d constant{0};                  ///< q0: the source at the point
+  /// The linear source of each channel that the samples are measured against: its value at the point (q0
+  /// of method.md section 8.3) and its gradient.
+  Vec3d constant{0};
+  std::array<Vec3d, 3> slope{};
 
   MediumRecord(const transport::World& the_world, const Vec3f& point, std::span<const MediumRay> the_rays,
                std::span<const std::array<uint32_t, 3>> the_triangles,
@@ -59,19 +62,29 @@ struct MediumRecord {
  private:
   struct PathBeyond;
 
-  /// weight (q - q0) of a channel.
-  double excess(const MediumSample& sample, int channel) const {
-    return sample.weight[channel] * (sample.source[channel] - (sample.stretch == 0 ? constant[channel] : 0));
+  /// Source of a channel at `distance` along a ray, beyond the linear one.
+  double excess(const Vec3d& source, size_t ray, double distance, int channel) const {
+    return source[channel] - constant[channel] -
+           glm::dot(slope[static_cast<size_t>(channel)], rays[ray].direction) * distance;
   }
-  uint32_t first_surface(size_t ray) const;
+  /// The same of a sample, weighted.
+  double excess(const MediumSample& sample, size_t ray, int channel) const {
+    return sample.weight[channel] * (sample.stretch == 0
+                                         ? excess(sample.source, ray, sample.distance, channel)
+                                         : sample.source[channel]);
+  }
+  RadianceJet linear_source(const Vec3d& vertex) const;
   const RayOutline* outline(uint32_t a, uint32_t b) const;
+  /// The same where it parts the ends of first stretches too: not where both end at boundaries of the medium.
+  const RayOutline* first_outline(uint32_t a, uint32_t b) const;
+  bool is_cut(const std::array<uint32_t, 3>& triangle) const;
   /// Point, on a shell at `distance`, between a ray that has ended and one that hasn't.
   Vec3d shell_outline(uint32_t ended, uint32_t passing, double distance) const;
   /// What the samples of a ray up to `until` contribute to shells that nothing cuts.
   ShellMoments<double> moments(size_t ray, double until, int channel) const;
-  /// The constant part of the medium around the point: closed forms (method.md section 8.3).
-  void add_constant(RadianceJet& sum) const;
-  /// Samples beyond the nearest end of a triangle whose rays end on different surfaces.
+  /// The linear part of the medium around the point: closed forms.
+  void add_linear(RadianceJet& sum) const;
+  /// Samples beyond the nearest end of a triangle that outlines cut.
   void add_cut_shells(const std::array<uint32_t, 3>& triangle, const std::array<Vec3d, 3>& directions,
                       RadianceJet& sum) const;
 };

@@ -105,11 +105,35 @@ ShellPolygon<Real> lit_polygon(const std::array<glm::vec<3, Real>, 3>& direction
   return polygon;
 }
 
-/// Integral of transmittance up to a vertex that is fixed in the world (method.md section 8.3): what a medium
-/// of constant source sends along the line to it, per unit of sigma_s q0.
+/// Integral of s exp(-sigma_t s) from 0 to `distance`, over `distance`.
 template <typename Real>
-Jet<Real, 3> constant_source_jet(Real sigma_t, const glm::vec<3, Real>& vertex) {
-  return transmittance_integral_jet(sigma_t, distance_jet(vertex));
+Real mean_transmitted_distance(Real sigma_t, Real distance) {
+  const Real depth = sigma_t * distance;
+  // The difference below cancels; the series is exact to rounding there.
+  if (depth < Real(0.01))
+    return distance * (Real(1) / 2 - depth * (Real(1) / 3 - depth * (Real(1) / 8 - depth / 30)));
+  const Real integral = transmittance_integral(sigma_t, distance);
+  return (integral / distance - transmittance(sigma_t, distance)) / sigma_t;
+}
+
+/// What a medium of linear source, `value` at the point and `slope` its gradient there, sends along the line
+/// to a vertex, all fixed in the world; per unit of sigma_s. Extends the closed form of method.md
+/// section 8.3: value times the integral of transmittance, plus slope times that of transmittance times
+/// distance.
+template <typename Real>
+Jet<Real, 3> linear_source_jet(Real sigma_t, const glm::vec<3, Real>& vertex, Real value,
+                               const glm::vec<3, Real>& slope) {
+  const Jet<Real, 3> distance = distance_jet(vertex);
+  const Real d = distance.value;
+  if (!(d > 0)) return {};
+  const Jet<Real, 3> at_point = Jet<Real, 3>::linear(value, slope);
+  const Jet<Real, 3> rise = Jet<Real, 3>::linear(glm::dot(slope, vertex), -slope);
+  const Real through = transmittance(sigma_t, d);
+  const Real mean = mean_transmitted_distance(sigma_t, d);
+  const Real first = through - mean / d;
+  const Real second = -sigma_t * through - (first - mean / d) / d;
+  return at_point * transmittance_integral_jet(sigma_t, distance) +
+         rise * chain(distance, mean, first, second);
 }
 
 }  // namespace fogbank::derivatives
