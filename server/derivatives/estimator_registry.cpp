@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "derivatives/aware.h"
 #include "derivatives/estimator.h"
 #include "derivatives/finite_difference.h"
 #include "derivatives/unaware.h"
@@ -25,6 +26,8 @@ std::unique_ptr<Estimator> make(std::shared_ptr<const transport::World> world,
 
 const std::vector<Entry>& entries() {
   static const std::vector<Entry> all{
+      {{"aware", "triangulated surroundings: derivatives see what blocks light (Marco et al. 2018)"},
+       make<Aware>},
       {{"unaware", "point-to-point kernels differentiated as if nothing could hide (Jarosz et al. 2008)"},
        make<Unaware>},
       {{"finite-difference",

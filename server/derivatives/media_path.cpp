@@ -1,5 +1,8 @@
 #include "derivatives/media_path.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "derivatives/transmittance_jet.h"
 
 namespace fogbank::derivatives {
@@ -20,6 +23,14 @@ RadianceJet transmittance_of(const MediaPath& path, const DepthOf& depth_of) {
     result.channels[static_cast<size_t>(c)] = last * static_cast<double>(path.surfaces[c]);
   }
   return result;
+}
+
+/// A boundary met at a grazing angle counts as met at this cosine: derivatives grow as its inverse square.
+constexpr double least_cosine = 1e-3;
+
+/// n . r with r of the given length, held off zero.
+double not_grazing(double along, double length) {
+  return std::copysign(std::max(std::abs(along), least_cosine * length), along);
 }
 
 /// Adds (sigma before - sigma beyond) times the distance to each boundary; `distance_to(boundary)` as a jet.
@@ -43,7 +54,7 @@ RadianceJet MediaPath::towards(const Vec3d& r) const {
     add_boundaries(*this, c, depth, [&](const Boundary& boundary) {
       // distance * n.b / n.r, all of them moving with x.
       const Jet3d reach = Jet3d::linear(glm::dot(boundary.normal, boundary.position), -boundary.normal);
-      const double along = glm::dot(boundary.normal, r);
+      const double along = not_grazing(glm::dot(boundary.normal, r), distance.value);
       const double inverse = along != 0 ? 1 / along : 0;
       const Jet3d reciprocal = chain(Jet3d::linear(along, -boundary.normal), inverse, -inverse * inverse,
                                      2 * inverse * inverse * inverse);
@@ -58,8 +69,7 @@ RadianceJet MediaPath::towards_infinity(const Vec3d& direction) const {
   RadianceJet result = transmittance_of(*this, [&](int c) {
     Jet3d depth;
     add_boundaries(*this, c, depth, [&](const Boundary& boundary) {
-      const double along = glm::dot(boundary.normal, direction);
-      const double inverse = along != 0 ? 1 / along : 0;
+      const double inverse = 1 / not_grazing(glm::dot(boundary.normal, direction), 1);
       return Jet3d::linear(glm::dot(boundary.normal, boundary.position) * inverse,
                            -boundary.normal * inverse);
     });

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "derivatives/transmittance_jet.h"
-
 namespace fogbank::derivatives {
 
 namespace {
@@ -14,21 +12,6 @@ constexpr uint32_t most_crossings = 256;
 
 Spectrum sigma_t_of(const transport::World& world, int32_t medium) {
   return medium == scene::none ? Spectrum(0) : world.medium(medium).sigma_t;
-}
-
-/// Distance to where the line to a fixed vertex meets a fixed plane at `share` of its way: with h the
-/// origin's height over the plane and h_v the vertex's, it is l h / (h - h_v).
-Jet3d crossing_jet(const Jet3d& length, double share, const Vec3d& normal, double cosine) {
-  const double height = -share * length.value * cosine;
-  const double span = -length.value * cosine;  // h - h_v
-  const double rest = (1 - share) / span;      // -h_v / (h - h_v)^2
-  return length * chain(Jet3d::linear(height, normal), share, rest, -2 * rest / span);
-}
-
-/// The cosine between a boundary's normal and a line, held off zero.
-double boundary_cosine(const Vec3d& normal, const Vec3d& direction) {
-  const double cosine = glm::dot(normal, direction);
-  return std::copysign(std::max(std::abs(cosine), Sightlines::least_boundary_cosine), cosine);
 }
 
 }  // namespace
@@ -146,66 +129,24 @@ Spectrum Sightlines::transmittance(size_t line, float distance) const {
   return through * factor(line);
 }
 
-bool Sightlines::is_grey(size_t line) const {
-  bool grey = medium_ == scene::none || world_.medium(medium_).grey;
+bool Sightlines::changes_medium(size_t line) const {
   for (const Crossing& crossing : crossings(line))
-    grey = grey && (crossing.medium == scene::none || world_.medium(crossing.medium).grey);
-  return grey;
+    if (sigma_t_of(world_, crossing.medium) != sigma_t_of(world_, medium_)) return true;
+  return false;
 }
 
-TransmittanceJet Sightlines::transmittance_to_vertex(size_t line, const Vec3d& relative) const {
-  TransmittanceJet result;
-  result.grey = is_grey(line);
-  result.factor = factor(line);
-  const Jet3d length = distance_jet(relative);
-  if (length.value == 0) {
-    result.jets.fill(Jet3d::constant(1));
-    return result;
-  }
-  const size_t channels = result.grey ? 1 : 3;
-  std::array<Jet3d, 3> depths;
-  Spectrum sigma_t = sigma_t_of(world_, medium_);
+MediaPath Sightlines::path(size_t line) const {
+  MediaPath path;
+  path.surfaces = factor(line);
+  path.sigma_t = sigma_t_of(world_, medium_);
+  int32_t medium = medium_;
   for (const Crossing& crossing : crossings(line)) {
-    const Spectrum beyond = sigma_t_of(world_, crossing.medium);
-    if (beyond == sigma_t) continue;
-    const Vec3d normal(crossing.normal);
-    const Jet3d where =
-        crossing_jet(length, std::min(static_cast<double>(crossing.distance) / length.value, 1.0), normal,
-                     boundary_cosine(normal, relative / length.value));
-    for (size_t c = 0; c < channels; ++c)
-      depths[c] += where * (static_cast<double>(sigma_t[static_cast<int>(c)]) -
-                            static_cast<double>(beyond[static_cast<int>(c)]));
-    sigma_t = beyond;
+    if (crossing.medium == medium) continue;
+    medium = crossing.medium;
+    path.boundaries.push_back({Vec3d(directions_[line]) * static_cast<double>(crossing.distance),
+                               Vec3d(crossing.normal), sigma_t_of(world_, medium)});
   }
-  for (size_t c = 0; c < channels; ++c) {
-    depths[c] += length * static_cast<double>(sigma_t[static_cast<int>(c)]);
-    result.jets[c] = transmittance_jet(1.0, depths[c]);
-  }
-  return result;
-}
-
-TransmittanceJet Sightlines::transmittance_to_infinity(size_t line) const {
-  TransmittanceJet result;
-  result.grey = is_grey(line);
-  result.factor = factor(line);
-  const Vec3d direction(directions_[line]);
-  const size_t channels = result.grey ? 1 : 3;
-  std::array<Jet3d, 3> depths;
-  Spectrum sigma_t = sigma_t_of(world_, medium_);
-  for (const Crossing& crossing : crossings(line)) {
-    const Spectrum beyond = sigma_t_of(world_, crossing.medium);
-    if (beyond == sigma_t) continue;
-    const Vec3d normal(crossing.normal);
-    const Jet3d where = Jet3d::linear(crossing.distance, -normal / boundary_cosine(normal, direction));
-    for (size_t c = 0; c < channels; ++c)
-      depths[c] += where * (static_cast<double>(sigma_t[static_cast<int>(c)]) -
-                            static_cast<double>(beyond[static_cast<int>(c)]));
-    sigma_t = beyond;
-  }
-  for (size_t c = 0; c < channels; ++c) {
-    if (sigma_t[static_cast<int>(c)] == 0) result.jets[c] = transmittance_jet(1.0, depths[c]);
-  }
-  return result;
+  return path;
 }
 
 void visibility(const transport::World& world, const Vec3f& origin, int32_t medium,

@@ -8,20 +8,10 @@
 
 #include "core/random.h"
 #include "core/ray_counters.h"
-#include "derivatives/jet.h"
+#include "derivatives/media_path.h"
 #include "transport/world.h"
 
 namespace fogbank::derivatives {
-
-/// Transmittance of a line, 0 to 1, with gradient (1/u) and Hessian (1/u^2): of channel c it is
-/// jet(c) * factor[c].
-struct TransmittanceJet {
-  std::array<Jet3d, 3> jets;
-  bool grey = true;    ///< all media on the line have equal coefficients in all channels: only jets[0] is set
-  Spectrum factor{1};  ///< what the surfaces on the line let through
-
-  const Jet3d& jet(size_t channel) const { return jets[grey ? 0 : channel]; }
-};
 
 /// A surface on a line that light goes straight through.
 struct Crossing {
@@ -82,16 +72,10 @@ class Sightlines {
   /// Transmittance, `factor` included, from the origin to `distance` (beyond all crossings; may be infinite).
   Spectrum transmittance(size_t line, float distance) const;
 
-  /// Transmittance to the vertex origin + `relative` on the line, beyond all crossings; the vertex is fixed
-  /// in the world while the origin moves (method.md section 5). Where the line crosses from one medium into
-  /// another, the crossing moves on the boundary's tangent plane; a boundary that is met at a grazing angle
-  /// counts as met at `least_boundary_cosine`.
-  TransmittanceJet transmittance_to_vertex(size_t line, const Vec3d& relative) const;
-  /// Transmittance to infinity; the direction is fixed while the origin moves (method.md section 7,
-  /// "Misses").
-  TransmittanceJet transmittance_to_infinity(size_t line) const;
-
-  static constexpr double least_boundary_cosine = 1e-3;
+  /// What lies along a line up to its end, for transmittances as jets.
+  MediaPath path(size_t line) const;
+  /// Does the line leave its first medium for one with another extinction?
+  bool changes_medium(size_t line) const;
 
  private:
   struct Passage {
@@ -101,7 +85,6 @@ class Sightlines {
 
   void cross(size_t line, const scene::Hit& first_hit, float limit, RayCounters& counters,
              RandomStream* stops);
-  bool is_grey(size_t line) const;
 
   const transport::World& world_;
   Vec3f origin_{0};

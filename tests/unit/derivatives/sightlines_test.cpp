@@ -108,16 +108,16 @@ TEST(Sightlines, JetsThroughBoundariesAreThoseOfTheClosedForm) {
         lines.append({&u, 1}, {&length, 1}, counters);
       }
       through_boundaries += lines.crossings(0).empty() ? 0 : 1;
-      const TransmittanceJet jet = lines.transmittance_to_vertex(0, relative);
+      const RadianceJet jet = lines.path(0).towards(relative);
       const Vec3d vertex = Vec3d(x) + relative;
       for (size_t c = 0; c < 3; ++c) {
         const auto exact = [&](const Vec3d& y) {
           const double length = glm::length(vertex - y);
           return std::exp(-depth(y, (vertex - y) / length, length, smokes[c]));
         };
-        expect_near(jet.jet(c), finite_differences(exact, Vec3d(x)), tolerance);
+        expect_near(jet.channels[c], finite_differences(exact, Vec3d(x)), tolerance);
         EXPECT_NEAR(lines.transmittance(0, static_cast<float>(glm::length(relative)))[static_cast<int>(c)],
-                    jet.jet(c).value, 1e-5);
+                    jet.channels[c].value, 1e-5);
       }
     }
   next:;
@@ -140,7 +140,7 @@ TEST(Sightlines, DirectionHeldFixedIsLinearInDepth) {
     const auto crossings = lines.crossings(0);
     ASSERT_EQ(crossings.size(), 2u);
     // Closed form from the faces that the line leaves through.
-    const TransmittanceJet jet = lines.transmittance_to_infinity(0);
+    const RadianceJet jet = lines.path(0).towards_infinity(Vec3d(u));
     for (size_t c = 0; c < 3; ++c) {
       Vec3d gradient(0);
       const double differences[2] = {0.4 - smokes[c], smokes[c]};
@@ -151,7 +151,7 @@ TEST(Sightlines, DirectionHeldFixedIsLinearInDepth) {
       const Jet3d expected{value, -value * gradient, value * Symmetric3d::outer(gradient)};
       // Grazing lines have gradients of 1 / cosine.
       const double steep = 1 + glm::dot(gradient, gradient);
-      expect_near(jet.jet(c), expected, 1e-5 * steep);
+      expect_near(jet.channels[c], expected, 1e-5 * steep);
       EXPECT_NEAR(lines.transmittance(0, infinity)[static_cast<int>(c)], value, 1e-5);
     }
   }
@@ -172,13 +172,13 @@ TEST(Sightlines, OneMediumIsExact) {
   EXPECT_TRUE(lines.crossings(0).empty());
   EXPECT_EQ(lines.last_medium(2), 0);
   EXPECT_NEAR(lines.surface(1).position.x, -3, 1e-6);
-  const TransmittanceJet jet = lines.transmittance_to_vertex(0, {2.5, 0, 0});
-  EXPECT_TRUE(jet.grey);
+  const RadianceJet jet = lines.path(0).towards({2.5, 0, 0});
+  EXPECT_TRUE(lines.path(0).uniform());
   const double t = std::exp(-1.25);
-  EXPECT_DOUBLE_EQ(jet.jet(2).value, t);
-  EXPECT_DOUBLE_EQ(jet.jet(0).gradient.x, 0.5 * t);
-  EXPECT_DOUBLE_EQ(jet.jet(0).hessian(0, 0), 0.25 * t);
-  EXPECT_DOUBLE_EQ(jet.jet(0).hessian(1, 1), -0.5 / 2.5 * t);
+  EXPECT_DOUBLE_EQ(jet.channels[2].value, t);
+  EXPECT_DOUBLE_EQ(jet.channels[0].gradient.x, 0.5 * t);
+  EXPECT_DOUBLE_EQ(jet.channels[0].hessian(0, 0), 0.25 * t);
+  EXPECT_DOUBLE_EQ(jet.channels[0].hessian(1, 1), -0.5 / 2.5 * t);
 }
 
 /// A pane that lets 0.25 through (and reflects 0.75) before a wall.

@@ -1,0 +1,35 @@
+// Occlusion-aware derivatives: the method itself (method.md).
+#pragma once
+
+#include <memory>
+
+#include "derivatives/estimator.h"
+#include "derivatives/light_gather.h"
+#include "derivatives/medium_gather.h"
+#include "derivatives/sphere_gather.h"
+#include "transport/plan.h"
+
+namespace fogbank::derivatives {
+
+/// The sum of what lights emit (a grid each), what surfaces reflect (the sphere grid) and what the medium
+/// scatters (along the sphere grid's rays); each only if the scene's plan asks for it.
+class Aware final : public Estimator {
+ public:
+  Aware(std::shared_ptr<const transport::World> world, const EstimatorSettings& settings);
+
+  RadianceJet estimate(const Vec3f& x, uint32_t repeat, RayCounters& counters) const override;
+
+ private:
+  void add_medium(const Vec3f& x, const SphereSamples& samples, RandomStream& random, RadianceJet& sum,
+                  RayCounters& counters) const;
+
+  std::shared_ptr<const transport::World> world_;
+  EstimatorSettings settings_;
+  transport::Plan plan_;
+  LightGather lights_;
+  SphereGather sphere_;
+  std::unique_ptr<const MediumSource> source_;
+  MediumGather medium_;
+};
+
+}  // namespace fogbank::derivatives

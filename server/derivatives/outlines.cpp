@@ -1,0 +1,87 @@
+#include "derivatives/outlines.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fogbank::derivatives {
+
+namespace {
+
+/// An edge on its way to its outline: directions closing in on it from both sides.
+struct Search {
+  Vec3f near_direction{0};
+  Vec3f far_direction{0};
+  float near_distance = 0;
+  float far_distance = 0;
+};
+
+bool same_surface(const Sightlines& a, size_t line_a, const Sightlines& b, size_t line_b) {
+  if (!a.is_blocked(line_a) || !b.is_blocked(line_b)) return a.is_blocked(line_a) == b.is_blocked(line_b);
+  return a.hit(line_a).shape == b.hit(line_b).shape && a.hit(line_a).instance == b.hit(line_b).instance;
+}
+
+/// Does a line between the two ends of an edge end on the near one's side of the outline?
+bool is_near_side(const Sightlines& probes, size_t probe, const Sightlines& lines, const Outline& outline,
+                  const Search& search) {
+  const bool like_near = same_surface(probes, probe, lines, outline.near);
+  const bool like_far = same_surface(probes, probe, lines, outline.far);
+  if (like_near != like_far) return like_near;
+  // One surface in front of itself, or a third one in between: the nearer in ratio of depths.
+  const float distance = probes.distance(probe);
+  if (!std::isfinite(distance)) return false;
+  if (!std::isfinite(search.far_distance)) return true;
+  return distance * distance < search.near_distance * search.far_distance;
+}
+
+}  // namespace
+
+Outlines find_outlines(const SphereRays& rays, int32_t steps, RayCounters& counters) {
+  const Sightlines& lines = rays.lines();
+  const auto edges = rays.topology().edges();
+  Outlines outlines;
+  outlines.of_edge.assign(edges.size(), Outlines::none);
+  std::vector<Search> searches;
+  for (size_t e = 0; e < edges.size(); ++e) {
+    const RayEnd& a = rays.ends()[edges[e].a];
+    const RayEnd& b = rays.ends()[edges[e].b];
+    if (surfaces_meet(lines.direction(edges[e].a), a, lines.direction(edges[e].b), b)) continue;
+    outlines.of_edge[e] = Outlines::unknown;
+    if (steps == 0 || a.mirrors != 0 || b.mirrors != 0) continue;
+    outlines.of_edge[e] = static_cast<uint32_t>(outlines.points.size());
+    Outline outline{edges[e].a, edges[e].b};
+    if (b.distance < a.distance) std::swap(outline.near, outline.far);
+    outlines.points.push_back(outline);
+    searches.push_back({lines.direction(outline.near), lines.direction(outline.far),
+                        rays.ends()[outline.near].distance, rays.ends()[outline.far].distance});
+  }
+  if (searches.empty()) return outlines;
+
+  Sightlines probes(lines.world());
+  std::vector<Vec3f> middles(searches.size());
+  constexpr float anywhere = infinity;
+  for (int32_t step = 0; step < steps; ++step) {
+    for (size_t i = 0; i < searches.size(); ++i)
+      middles[i] = glm::normalize(searches[i].near_direction + searches[i].far_direction);
+    probes.start(lines.origin(), lines.medium());
+    probes.append(middles, {&anywhere, 1}, counters);
+    for (size_t i = 0; i < searches.size(); ++i) {
+      Search& search = searches[i];
+      if (is_near_side(probes, i, lines, outlines.points[i], search)) {
+        search.near_direction = middles[i];
+        search.near_distance = probes.distance(i);
+      } else {
+        search.far_direction = middles[i];
+        search.far_distance = probes.distance(i);
+      }
+    }
+  }
+  for (size_t i = 0; i < searches.size(); ++i) {
+    outlines.points[i].direction = searches[i].near_direction;
+    outlines.points[i].near_distance = searches[i].near_distance;
+    // A third surface may have come in between; the outline is the nearer side's.
+    outlines.points[i].far_distance = std::max(searches[i].far_distance, searches[i].near_distance);
+  }
+  return outlines;
+}
+
+}  // namespace fogbank::derivatives

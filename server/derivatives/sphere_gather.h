@@ -1,0 +1,51 @@
+// Light that surfaces send to a point because they reflect it, gathered over the whole sphere of directions:
+// the part of M_surf (method.md section 1) that no light's own grid counts.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "derivatives/estimator.h"
+#include "derivatives/outlines.h"
+#include "derivatives/sphere_rays.h"
+#include "transport/path_tracer.h"
+
+namespace fogbank::derivatives {
+
+/// One sample of everything around a point; for one thread, reusable. What marches through the medium goes
+/// along the same rays.
+struct SphereSamples {
+  SphereSamples(const transport::World& world, const transport::Plan& plan) : rays(world, plan) {}
+
+  SphereRays rays;
+  Outlines outlines;               ///< looked for only if there are derivatives to find
+  std::vector<Spectrum> radiance;  ///< leaving each ray's end towards the point; unbiased, noisy
+};
+
+/// Immutable; serves all threads.
+class SphereGather {
+ public:
+  /// `plan` must outlive it, and is for `settings`.
+  SphereGather(std::shared_ptr<const transport::World> world, const transport::Plan& plan,
+               const EstimatorSettings& settings);
+
+  /// Traces the rays and the outlines from `x` in `medium`.
+  void trace(const Vec3f& x, int32_t medium, RandomStream& random, SphereSamples& samples,
+             RayCounters& counters) const;
+  /// Samples radiance at the rays' ends, settings.samples paths altogether.
+  void sample_radiance(RandomStream& random, SphereSamples& samples, RayCounters& counters) const;
+  /// Mean incoming radiance of those samples. The value is the stratified mean; gradient and Hessian are the
+  /// triangulation's, scaled by the ratio of the luminances of the two values (method.md section 6.1). Mean
+  /// rule on triangles whose ends lie on surfaces that meet, farthest rule on slanted ones, which outlines
+  /// split first (sections 2, 5, 6.2). Finite. Boundaries of media count as planes; behind mirrors the medium
+  /// around x counts for the gradient.
+  RadianceJet gather(const SphereSamples& samples) const;
+
+ private:
+  std::shared_ptr<const transport::World> world_;
+  const transport::Plan& plan_;
+  EstimatorSettings settings_;
+  transport::PathTracer kernel_;
+};
+
+}  // namespace fogbank::derivatives
