@@ -1,7 +1,9 @@
 #include "derivatives/aware.h"
 
+#include <algorithm>
 #include <cmath>
 
+#include "derivatives/medium_rays.h"
 #include "derivatives/path_source.h"
 #include "derivatives/plan_request.h"
 #include "derivatives/random_at.h"
@@ -16,23 +18,35 @@ enum Stream : uint32_t { light_stream, ray_stream, radiance_stream, medium_strea
 constexpr int32_t source_depth = 1;
 
 /// Where infinity is, in radii of the scene (method.md section 7).
-constexpr float far_radii = 1e4f;
+constexpr double far_radii = 1e4f;
 
-MediumRay medium_ray(const Sightlines& lines, size_t line, uint32_t surface) {
-  MediumRay ray;
-  ray.direction = Vec3d(lines.direction(line));
-  ray.end = lines.distance(line);
-  ray.surface = lines.is_blocked(line) ? surface : MediumRay::no_surface;
-  MediumStretch stretch;
-  stretch.medium = lines.medium();
-  for (const Crossing& crossing : lines.crossings(line)) {
-    stretch.end = crossing.distance;
-    ray.stretches.push_back(stretch);
-    stretch = {crossing.medium, crossing.distance, 0, Vec3d(crossing.normal), crossing.through};
+/// All jumps in depth between neighbouring rays; those that were not bisected are taken to be at the near
+/// ray.
+std::vector<RayOutline> ray_outlines(const SphereSamples& samples, double far_distance) {
+  const Sightlines& lines = samples.rays.lines();
+  std::vector<RayOutline> result;
+  const auto add = [&](const Outline& outline) {
+    const auto crossings = lines.crossings(outline.far);
+    const float first_end =
+        std::min(outline.far_distance, crossings.empty() ? infinity : crossings.front().distance);
+    const Vec3d direction(outline.direction);
+    result.push_back(
+        {outline.near, outline.far, direction * static_cast<double>(outline.near_distance),
+         direction * (std::isfinite(first_end) ? static_cast<double>(first_end) : far_distance)});
+  };
+  for (size_t e = 0; e < samples.outlines.of_edge.size(); ++e) {
+    const uint32_t index = samples.outlines.of_edge[e];
+    if (index < Outlines::unknown) {
+      add(samples.outlines.points[index]);
+    } else if (index == Outlines::unknown) {
+      const DirectionTopology::Edge& edge = samples.rays.topology().edges()[e];
+      const bool a_near = lines.distance(edge.a) <= lines.distance(edge.b);
+      const uint32_t near = a_near ? edge.a : edge.b;
+      const uint32_t far = a_near ? edge.b : edge.a;
+      add({near, far, lines.direction(near), lines.distance(near), lines.distance(far)});
+    }
   }
-  stretch.end = ray.end;
-  ray.stretches.push_back(stretch);
-  return ray;
+  return result;
 }
 
 }  // namespace
@@ -74,20 +88,9 @@ RadianceJet Aware::estimate(const Vec3f& x, uint32_t repeat, RayCounters& counte
 
 void Aware::add_medium(const Vec3f& x, const SphereSamples& samples, RandomStream& random, RadianceJet& sum,
                        RayCounters& counters) const {
-  const Sightlines& lines = samples.rays.lines();
-  std::vector<MediumRay> rays;
-  rays.reserve(lines.size());
-  for (size_t i = 0; i < lines.size(); ++i)
-    rays.push_back(medium_ray(lines, i, samples.rays.ends()[i].surface));
-  std::vector<RayOutline> outlines;
-  outlines.reserve(samples.outlines.points.size());
-  for (const Outline& outline : samples.outlines.points) {
-    const Vec3d direction(outline.direction);
-    const float behind = std::isfinite(outline.far_distance) ? outline.far_distance
-                                                             : far_radii * world_->scene().bounds.radius;
-    outlines.push_back({outline.near, outline.far, direction * static_cast<double>(outline.near_distance),
-                        direction * static_cast<double>(behind)});
-  }
+  const std::vector<MediumRay> rays = medium_rays(samples.rays.lines());
+  const std::vector<RayOutline> outlines =
+      ray_outlines(samples, far_radii * static_cast<double>(world_->scene().bounds.radius));
   sum += medium_.gather(x, rays, samples.rays.topology().triangles(), outlines, settings_.derivatives, random,
                         counters);
 }
