@@ -11,10 +11,13 @@ std::span<const ChannelArgument> channel_arguments() {
       {"grpc.http2.min_ping_interval_without_data_ms", 10000, false, true,
        "accepts the clients' pings every 30 s with room to spare; the library's 5 minutes would cut them "
        "off"},
-      {"grpc.http2.bdp_probe", 0, true, false,
+      {"grpc.http2.bdp_probe", 0, true, true,
        "keeps the receive window small: with probing 40 stalled streams held 2.3 GiB in a Python client"},
       {"grpc.http2.lookahead_bytes", 65536, true, false,
        "receive window of a stream: a reader that stalls is felt by the server after two tiles"},
+      {"grpc.http2.lookahead_bytes", 1 << 20, false, true,
+       "receive window of a stream: 10 MB/s of upload at 100 ms round trip, and the most that a client whose "
+       "points or files can't be worked on at once makes the server hold"},
       {"grpc.max_concurrent_streams", 1100, false, true, "streams of one connection"},
   };
   return table;
