@@ -6,16 +6,15 @@
 #include <string>
 
 #include "core/error.h"
+#include "service/field_errors.h"
 #include "service/limits.h"
-#include "service/rpc_error.h"
 
 namespace fogbank::service {
 
 namespace {
 
 [[noreturn]] void refuse(const std::string& field, const std::string& message) {
-  throw RpcError(grpc::StatusCode::INVALID_ARGUMENT, "INVALID_SETTINGS", "settings." + field + ": " + message,
-                 {{"field", "settings." + field}});
+  refuse_field("settings." + field, message);
 }
 
 void check_range(const char* field, int64_t value, int64_t lowest, int64_t highest) {
@@ -101,12 +100,9 @@ void resolve_camera(const v1::CameraOverride& camera, scene::Sensor& sensor) {
       {"sensor.focus_distance", "camera.focus_distance"},
       {"first_region", "region"},
   };
-  const std::string text = error.what();
-  const size_t colon = text.find(": ");
-  const std::string field = text.substr(0, colon);
-  const auto wire = wire_names.find(field);
-  refuse(wire == wire_names.end() ? field : wire->second,
-         colon == std::string::npos ? text : text.substr(colon + 2));
+  const EngineFieldError parts(error);
+  const auto wire = wire_names.find(parts.field);
+  refuse(wire == wire_names.end() ? parts.field : wire->second, parts.message);
 }
 
 void check_integrator(const std::string& name) {

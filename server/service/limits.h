@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <span>
 
+#include "derivatives/estimator.h"
 #include "render/render_job.h"
 
 namespace fogbank::service::limits {
@@ -38,6 +39,19 @@ inline constexpr int64_t min_tile_size = render::RenderLimits::smallest_tile;
 inline constexpr int64_t max_tile_size = render::RenderLimits::largest_tile;
 inline constexpr int64_t default_tile_size = 32;
 inline constexpr double cancel_seconds = 0.2;
+
+// Probes.
+inline constexpr int64_t max_probes = 64;
+/// Results of one message stay below max_tile_message_bytes: at most 72 numbers a point, 160 KiB in all.
+inline constexpr int64_t max_probe_chunk_points = 256;
+/// Enough for every thread to work on while results are under way; about 1 MB a stream.
+inline constexpr int64_t max_probe_points_in_flight = 4 * max_probe_chunk_points;
+inline constexpr int64_t min_probe_samples = derivatives::EstimatorLimits::fewest_samples;
+inline constexpr int64_t max_probe_samples = derivatives::EstimatorLimits::most_samples;
+inline constexpr int64_t max_probe_repeats = derivatives::EstimatorLimits::most_repeats;
+/// So long a task of a probe keeps its thread before another workload may have it, one point at least.
+inline constexpr double probe_slice_seconds = 0.02;
+inline constexpr double probe_stall_seconds = 600;
 
 // Lists.
 inline constexpr int64_t max_page_size = 200;

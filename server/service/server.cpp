@@ -22,6 +22,7 @@
 #include "service/job_table.h"
 #include "service/limits.h"
 #include "service/listen_address.h"
+#include "service/probe_service.h"
 #include "service/render_service.h"
 #include "service/scene_registry.h"
 #include "service/scene_service.h"
@@ -126,7 +127,8 @@ struct Server::Parts {
              writer, [this] { pump.news(); }),
         scene_service(scenes, blobs, control, files),
         render_service(jobs, control, files, pump),
-        server_service(scenes, jobs, scheduler, pump, control) {}
+        probe_service(scenes, scheduler, control, probe_pump),
+        server_service(scenes, jobs, scheduler, pump, probe_pump, control) {}
 
   FileDescriptor lock;
   int64_t memory_bytes;
@@ -135,12 +137,14 @@ struct Server::Parts {
   TaskQueue writer;
   TaskQueue loader;
   StreamPump pump;
+  StreamPump probe_pump;
   BlobStore blobs;
   SceneRegistry scenes;
   Scheduler scheduler;
   JobTable jobs;
   SceneServiceImplementation scene_service;
   RenderServiceImplementation render_service;
+  ProbeServiceImplementation probe_service;
   ServerServiceImplementation server_service;
   std::optional<Sweeper> sweeper;
   std::unique_ptr<grpc::Server> server;
@@ -168,14 +172,16 @@ Server::Server(const ServerOptions& options) {
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
   builder.RegisterService(&parts_->scene_service);
   builder.RegisterService(&parts_->render_service);
+  builder.RegisterService(&parts_->probe_service);
   builder.RegisterService(&parts_->server_service);
   parts_->server = builder.BuildAndStart();
   if (!parts_->server || (address.is_network && port == 0)) {
     throw OptionError("can't listen on " + options.listen + ": is the address in use?");
   }
   auto* health = parts_->server->GetHealthCheckService();
-  for (const char* service : {v1::SceneService::service_full_name(), v1::RenderService::service_full_name(),
-                              v1::ServerService::service_full_name()}) {
+  for (const char* service :
+       {v1::SceneService::service_full_name(), v1::RenderService::service_full_name(),
+        v1::ProbeService::service_full_name(), v1::ServerService::service_full_name()}) {
     health->SetServingStatus(service, true);
   }
   parts_->target = address.is_network ? address.host + ":" + std::to_string(port) : address.target;
@@ -193,7 +199,9 @@ void Server::stop() {
   if (parts.server) parts.server->GetHealthCheckService()->SetServingStatus(false);
   parts.scenes.shut_down();
   parts.jobs.shut_down();
-  while ((parts.jobs.unfinished() > 0 || parts.pump.streams() > 0 || !parts.loader.idle()) &&
+  parts.probe_service.shut_down();
+  while ((parts.jobs.unfinished() > 0 || parts.pump.streams() > 0 || parts.probe_pump.streams() > 0 ||
+          !parts.loader.idle()) &&
          Clock::now() < drain_end) {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
@@ -214,6 +222,7 @@ void Server::stop() {
   parts.files.close();
   parts.writer.close();
   parts.pump.close();
+  parts.probe_pump.close();
   parts_.reset();
 }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/sha256.h"
+#include "derivatives/estimator.h"
 #include "integrators/integrator.h"
 #include "service/answers.h"
 #include "service/channel_arguments.h"
@@ -50,6 +51,11 @@ v1::GetCapabilitiesResponse describe_capabilities(bool scene_root) {
     integrator.set_name(info.name);
     integrator.set_description(info.summary);
   }
+  for (const derivatives::MethodInfo& info : derivatives::supported_methods()) {
+    v1::ProbeMethod& method = *capabilities.add_probe_methods();
+    method.set_name(info.name);
+    method.set_description(info.summary);
+  }
   for (const limits::Entry& entry : limits::table()) {
     v1::Limit& limit = *capabilities.add_limits();
     limit.set_name(entry.name);
@@ -73,12 +79,14 @@ v1::GetCapabilitiesResponse describe_capabilities(bool scene_root) {
 }  // namespace
 
 ServerServiceImplementation::ServerServiceImplementation(const SceneRegistry& scenes, const JobTable& jobs,
-                                                         const Scheduler& scheduler, const StreamPump& pump,
+                                                         const Scheduler& scheduler,
+                                                         const StreamPump& watchers, const StreamPump& probes,
                                                          TaskQueue& control)
     : scenes_(scenes),
       jobs_(jobs),
       scheduler_(scheduler),
-      pump_(pump),
+      watchers_(watchers),
+      probes_(probes),
       control_(control),
       start_time_(timestamp_now()),
       capabilities_(describe_capabilities(scenes.has_scene_root())) {}
@@ -112,7 +120,8 @@ grpc::ServerUnaryReactor* ServerServiceImplementation::GetServerStatus(
     response->set_busy_threads(scheduler_.busy());
     response->set_memory_bytes(resident_bytes());
     response->set_rays_per_second(jobs.rays_per_second);
-    response->set_watchers(static_cast<int32_t>(pump_.streams()));
+    response->set_watchers(static_cast<int32_t>(watchers_.streams()));
+    response->set_probes(static_cast<int32_t>(probes_.streams()));
     response->set_rays(jobs_.rays());
   });
 }

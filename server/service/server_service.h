@@ -14,7 +14,7 @@ namespace fogbank::service {
 class ServerServiceImplementation final : public v1::ServerService::CallbackService {
  public:
   ServerServiceImplementation(const SceneRegistry& scenes, const JobTable& jobs, const Scheduler& scheduler,
-                              const StreamPump& pump, TaskQueue& control);
+                              const StreamPump& watchers, const StreamPump& probes, TaskQueue& control);
 
   grpc::ServerUnaryReactor* GetCapabilities(grpc::CallbackServerContext* context,
                                             const v1::GetCapabilitiesRequest* request,
@@ -27,7 +27,8 @@ class ServerServiceImplementation final : public v1::ServerService::CallbackServ
   const SceneRegistry& scenes_;
   const JobTable& jobs_;
   const Scheduler& scheduler_;
-  const StreamPump& pump_;
+  const StreamPump& watchers_;
+  const StreamPump& probes_;
   TaskQueue& control_;
   const google::protobuf::Timestamp start_time_;
   const Clock::time_point start_ = Clock::now();
