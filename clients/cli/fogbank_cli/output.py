@@ -36,6 +36,10 @@ class Output:
         if not self.as_json:
             click.echo(line)
 
+    def raw(self, text: str) -> None:
+        """Prints a piece of the one JSON document that some commands answer `--json` with, instead of events."""
+        click.echo(text, nl=False)
+
     def note(self, line: str) -> None:
         """Prints a remark for people, on standard error, so that it does not mix with results."""
         click.echo(line, err=True)

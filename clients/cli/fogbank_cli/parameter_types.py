@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import click
@@ -40,6 +41,24 @@ class WindowType(click.ParamType[Window]):
         except ValueError:
             self.fail(f"'{value}' is not a window in pixels; write X,Y,W,H such as 0,0,640,360", param, ctx)
         return Window(x, y, width, height)
+
+
+class PointType(click.ParamType[tuple[float, float, float]]):
+    """X,Y,Z in scene units."""
+
+    name = "X,Y,Z"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, float, float]:
+        """The point."""
+        try:
+            x, y, z = (float(part) for part in str(value).split(","))
+        except ValueError:
+            self.fail(f"'{value}' is not a point; write X,Y,Z such as 0.5,-1,2", param, ctx)
+        if not all(map(math.isfinite, (x, y, z))):
+            self.fail(f"'{value}' is not a point: its coordinates must be finite", param, ctx)
+        return x, y, z
 
 
 class AssignmentType(click.ParamType[tuple[str, str]]):

@@ -11,8 +11,8 @@ from fogbank import RenderOptions, UploadProgress, Window
 
 from fogbank_cli.image_output import exposure_option, follow_and_save, watch_tev_option
 from fogbank_cli.output import Output, quantity
-from fogbank_cli.parameter_types import AssignmentType, ImagePathType, SizeType, WindowType
-from fogbank_cli.session import Session, json_option, pass_session
+from fogbank_cli.parameter_types import ImagePathType, SizeType, WindowType
+from fogbank_cli.session import Session, json_option, loading_options, pass_session
 
 # With a viewer attached; else the server's own, sparse cadence is right.
 _LIVE_UPDATE_SECONDS = 0.25
@@ -39,11 +39,7 @@ _LIVE_UPDATE_SECONDS = 0.25
 @click.option("--tile-size", type=int, help="Side of a tile in pixels.")
 @click.option("--tile-order", type=click.Choice(["scan", "spiral"]), help="In which order tiles are rendered.")
 @click.option("--region", type=WindowType(), help="Tiles that touch this window come first.")
-@click.option("-D", "parameters", type=AssignmentType(), multiple=True, help="Value for $NAME in the scene.")
-@click.option("--lenient", is_flag=True, help="Substitute what is not supported, with a warning each.")
-@click.option(
-    "--root", type=click.Path(path_type=Path), help="Folder with all files of the scene; the scene's own by default."
-)
+@loading_options
 @exposure_option
 @watch_tev_option
 @json_option
@@ -145,8 +141,13 @@ def report_scene(scene: fogbank.Scene, output: Output) -> None:
         warnings=scene.warnings,
     )
     if not output.as_json:
-        for warning in scene.warnings:
-            output.note(f"warning: {warning}")
+        note_warnings(scene, output)
         if scene.load_seconds > 1.0:
             triangles = quantity(scene.statistics.triangles, "triangles")
             output.note(f"loaded {scene.main_path}, {triangles}, in {scene.load_seconds:.3g} s")
+
+
+def note_warnings(scene: fogbank.Scene, output: Output) -> None:
+    """Prints the loader's warnings on standard error."""
+    for warning in scene.warnings:
+        output.note(f"warning: {warning}")

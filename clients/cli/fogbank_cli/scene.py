@@ -8,9 +8,8 @@ import click
 import fogbank
 
 from fogbank_cli.output import quantity
-from fogbank_cli.parameter_types import AssignmentType
 from fogbank_cli.render import UploadReport, report_scene
-from fogbank_cli.session import Session, find, json_option, pass_session, short_id
+from fogbank_cli.session import Session, find, json_option, loading_options, pass_session, short_id
 
 
 @click.group()
@@ -20,11 +19,7 @@ def scene() -> None:
 
 @scene.command()
 @click.argument("path", type=click.Path(path_type=Path))
-@click.option("-D", "parameters", type=AssignmentType(), multiple=True, help="Value for $NAME in the scene.")
-@click.option("--lenient", is_flag=True, help="Substitute what is not supported, with a warning each.")
-@click.option(
-    "--root", type=click.Path(path_type=Path), help="Folder with all files of the scene; the scene's own by default."
-)
+@loading_options
 @click.option("--on-server", is_flag=True, help="PATH lies on the server, below its --scene-root.")
 @json_option
 @pass_session

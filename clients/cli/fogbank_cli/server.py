@@ -33,6 +33,7 @@ def status(session: Session, /) -> None:
         "rays": f"{quantity(now.rays_per_second, 'rays/s')}, {quantity(now.rays, 'rays')} since the start",
         "memory": quantity(now.memory_bytes, "B"),
         "watchers": str(now.watchers),
+        "probes": str(now.probes),
     }
     for label, text in lines.items():
         output.text(f"  {label:<10}{text}")
@@ -50,6 +51,9 @@ def capabilities(session: Session, /) -> None:
     output.text(f"Fogbank {what.version}, build {what.build_id}")
     output.text("integrators:")
     for name, description in what.integrators.items():
+        output.text(f"  {name}: {description}")
+    output.text("probe methods:")
+    for name, description in what.probe_methods.items():
         output.text(f"  {name}: {description}")
     output.text("scene plugins:")
     for kind, names in what.scene_plugins.items():

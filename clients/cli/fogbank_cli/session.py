@@ -11,6 +11,7 @@ import click
 import fogbank
 
 from fogbank_cli.output import Output
+from fogbank_cli.parameter_types import AssignmentType
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
@@ -58,6 +59,21 @@ def json_option(command: Callable[Parameters, Result]) -> Callable[Parameters, R
         callback=remember,
         help="Print one JSON object per event on standard output.",
     )(command)
+
+
+def loading_options(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Adds what commands that load a scene file have in common: `-D`, `--lenient`, `--root`."""
+    for option in (
+        click.option(
+            "--root",
+            type=click.Path(path_type=Path),
+            help="Folder with all files of the scene; the scene's own by default.",
+        ),
+        click.option("--lenient", is_flag=True, help="Substitute what is not supported, with a warning each."),
+        click.option("-D", "parameters", type=AssignmentType(), multiple=True, help="Value for $NAME in the scene."),
+    ):
+        command = option(command)
+    return command
 
 
 def short_id(name: str) -> str:

@@ -41,6 +41,7 @@ from fogbank.errors import (
 from fogbank.image import Image, to_srgb
 from fogbank.job import Job, JobEvent, JobState, Progress, RenderStatistics
 from fogbank.pixels import Tile, place
+from fogbank.probe import PlanTerm, ProbeField, ProbeOptions, ProbeResult
 from fogbank.retry import RetryPolicy
 from fogbank.scene import LoadTimes, RenderDefaults, Scene, SceneStatistics
 from fogbank.service import Service, connect
@@ -71,6 +72,10 @@ __all__ = [
     "LoadTimes",
     "NotFoundError",
     "PermissionDeniedError",
+    "PlanTerm",
+    "ProbeField",
+    "ProbeOptions",
+    "ProbeResult",
     "Progress",
     "RenderDefaults",
     "RenderOptions",

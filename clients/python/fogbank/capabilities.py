@@ -35,6 +35,9 @@ class Capabilities:
     integrators: dict[str, str]
     """What `RenderOptions.integrator` takes, each with a description."""
 
+    probe_methods: dict[str, str]
+    """What `ProbeOptions.method` takes, each with a description."""
+
     limits: dict[str, Limit]
     """By name."""
 
@@ -54,6 +57,7 @@ class Capabilities:
             version=message.version,
             build_id=message.build_id,
             integrators={integrator.name: integrator.description for integrator in message.integrators},
+            probe_methods={method.name: method.description for method in message.probe_methods},
             limits={limit.name: Limit(limit.value, limit.unit, limit.description) for limit in message.limits},
             scene_plugins={plugins.kind: list(plugins.names) for plugins in message.scene_plugins},
             channel_arguments={argument.name: argument.value for argument in message.channel_arguments},
@@ -96,10 +100,13 @@ class ServerStatus:
     """All jobs, over the last seconds."""
 
     rays: int
-    """Rays since the start."""
+    """Rays of jobs since the start."""
 
     watchers: int
     """Clients that are following a job."""
+
+    probes: int
+    """Open streams of points."""
 
     @classmethod
     def from_message(cls, message: server_pb2.GetServerStatusResponse) -> ServerStatus:
@@ -124,4 +131,5 @@ class ServerStatus:
             rays_per_second=message.rays_per_second,
             rays=message.rays,
             watchers=message.watchers,
+            probes=message.probes,
         )

@@ -9,6 +9,7 @@ from typing import Protocol, TypeVar
 
 import grpc
 
+from fogbank._generated.v1.probe_pb2_grpc import ProbeServiceStub
 from fogbank._generated.v1.render_pb2_grpc import RenderServiceStub
 from fogbank._generated.v1.scene_pb2_grpc import SceneServiceStub
 from fogbank._generated.v1.server_pb2_grpc import ServerServiceStub
@@ -53,6 +54,7 @@ class Stubs:
         self.channel = channel
         self.scenes = SceneServiceStub(channel)
         self.render = RenderServiceStub(channel)
+        self.probe = ProbeServiceStub(channel)
         self.server = ServerServiceStub(channel)
 
 

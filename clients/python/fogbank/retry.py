@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from fogbank.errors import FogbankError, UnavailableError
 
-_TRANSIENT_REASONS = frozenset({"UPLOAD_IN_PROGRESS", "UPLOAD_OFFSET_MISMATCH", "WATCH_STALLED"})
+_TRANSIENT_REASONS = frozenset({"UPLOAD_IN_PROGRESS", "UPLOAD_OFFSET_MISMATCH", "WATCH_STALLED", "PROBE_STALLED"})
 
 
 def is_transient(error: FogbankError) -> bool:

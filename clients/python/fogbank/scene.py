@@ -3,13 +3,27 @@
 from __future__ import annotations
 
 import uuid
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Unpack
 
-from fogbank._generated.v1 import render_pb2, scene_pb2
+from fogbank._generated.v1 import probe_pb2, render_pb2, scene_pb2
 from fogbank.channel import Connection
 from fogbank.job import Job
+from fogbank.probe import (
+    Order,
+    PlanTerm,
+    PointsLike,
+    ProbeOptions,
+    ProbeResult,
+    gather,
+    point_array,
+    probe_order,
+    probe_settings,
+    result_from_message,
+)
+from fogbank.probe_stream import probe_stream
 from fogbank.settings import RenderOptions, settings_message
 from fogbank.window import Window
 
@@ -182,6 +196,46 @@ class Scene:
         )
         response = self._connection.call(lambda stubs: stubs.render.CreateJob, request)
         return Job(self._connection, response.job)
+
+    def probe(self, points: PointsLike, **options: Unpack[ProbeOptions]) -> ProbeResult:
+        """Mean incoming radiance (fluence / 4 pi) at points, with gradient and Hessian.
+
+        Args:
+            points: (n, 3) or (3,), world space, in scene units; anywhere, inside a medium or not.
+            options: see `fogbank.ProbeOptions`; all are optional.
+
+        A point's result depends on scene, options and the point only, never on the other points. Holds the results of
+        all points (about 1 KB each); `probe_stream` does not.
+
+        Raises InvalidArgumentError, naming the option, or the point as points[i], for what the server refuses.
+        """
+        settings = probe_settings(options)
+        array = point_array(points)
+        results = list(probe_stream(self._connection, self.name, settings, [array]))
+        return gather(results) if results else result_from_message(probe_pb2.ProbeResults(), array, settings, ())
+
+    def probe_stream(self, points: Iterable[PointsLike], **options: Unpack[ProbeOptions]) -> Iterator[ProbeResult]:
+        """As `probe`, for any number of points: yields results of up to 256 points at a time, in their order.
+
+        Args:
+            points: an iterable of points (3,) or of arrays of points (k, 3); taken from as results are taken, so that
+                neither points nor results pile up.
+            options: see `fogbank.ProbeOptions`; all are optional.
+
+        Dropping the generator ends the work on the server. Raises as `probe`, points counted over the whole stream.
+        """
+        return probe_stream(self._connection, self.name, probe_settings(options), points)
+
+    def plan(self, *, order: Order | None = None, max_depth: int | None = None) -> list[PlanTerm]:
+        """Which terms of light transport records of the scene need, which are left out, and why.
+
+        Args:
+            order: which light they are to count, as in `fogbank.ProbeOptions`.
+            max_depth: greatest path length in edges, -1 for no limit; the scene's by default.
+        """
+        request = probe_pb2.GetPlanRequest(scene=self.name, order=probe_order(order), max_depth=max_depth)
+        response = self._connection.call(lambda stubs: stubs.probe.GetPlan, request)
+        return [PlanTerm(term=term.term, on=term.on, reason=term.reason) for term in response.terms]
 
     def delete(self) -> None:
         """Makes the server forget the scene; running jobs keep what they use."""
