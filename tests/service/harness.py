@@ -16,9 +16,11 @@ import grpc
 import numpy as np
 import numpy.typing as npt
 import OpenEXR
+from fogbank._generated.v1 import probe_pb2 as probe
 from fogbank._generated.v1 import render_pb2 as render
 from fogbank._generated.v1 import scene_pb2 as scene
 from fogbank._generated.v1 import server_pb2 as server
+from fogbank._generated.v1.probe_pb2_grpc import ProbeServiceStub
 from fogbank._generated.v1.render_pb2_grpc import RenderServiceStub
 from fogbank._generated.v1.scene_pb2_grpc import SceneServiceStub
 from fogbank._generated.v1.server_pb2_grpc import ServerServiceStub
@@ -28,6 +30,7 @@ from google.rpc import error_details_pb2
 from grpc_status import rpc_status
 
 Pixels = npt.NDArray[np.float32]
+Points = npt.NDArray[np.float64]
 
 CHUNK_BYTES = 64 << 10
 
@@ -106,6 +109,16 @@ def decode(exr: bytes) -> tuple[scene.Window, Pixels]:
         return window, np.asarray(pixels).astype(np.float32)
 
 
+def probe_requests(
+    name: str, points: Points, settings: probe.ProbeSettings | None = None, chunk: int = 256
+) -> Iterator[probe.ProbeRequest]:
+    """The messages of a Probe stream."""
+    yield probe.ProbeRequest(header=probe.ProbeHeader(scene=name, settings=settings))
+    for start in range(0, len(points), chunk):
+        coordinates = points[start : start + chunk].ravel()
+        yield probe.ProbeRequest(points=probe.ProbePoints(coordinates=coordinates))
+
+
 class Canvas:
     """Applies tiles as the wire contract says: the newest pixels of a window replace what was there."""
 
@@ -158,6 +171,7 @@ class Server:
         self.channel = grpc.insecure_channel(self.target, options=list(CHANNEL_OPTIONS))
         self.scenes = SceneServiceStub(self.channel)
         self.render = RenderServiceStub(self.channel)
+        self.probe = ProbeServiceStub(self.channel)
         self.server = ServerServiceStub(self.channel)
 
     def stop(self) -> int:
@@ -248,6 +262,20 @@ class Server:
     def image(self, name: str) -> Pixels:
         """Pixels of the final image."""
         return decode(self.download(name))[1]
+
+    def probe_points(
+        self, name: str, points: Points, settings: probe.ProbeSettings | None = None, *, chunk: int = 256
+    ) -> list[probe.ProbeResults]:
+        """Results of all points, sent in chunks of this length, checked for their order."""
+        responses = self.probe.Probe(probe_requests(name, points, settings, chunk))
+        assert next(responses).HasField("started")
+        results = [response.results for response in responses]
+        answered = 0
+        for result in results:
+            assert result.first_point == answered
+            answered += len(result.medium_index)
+        assert answered == len(points)
+        return results
 
     def cpu_seconds(self) -> float:
         """CPU time of the process so far."""

@@ -47,7 +47,7 @@ def test_limits_that_the_contract_names_are_told(server: Server) -> None:
     root = Path(__file__).resolve().parents[2] / "proto" / "fogbank" / "v1"
     text = "".join(path.read_text() for path in root.glob("*.proto"))
     for word in text.replace(",", " ").replace(".", " ").replace("`", " ").replace(";", " ").split():
-        if word.startswith(("max_", "default_")) and word not in ("max_depth", "max_threads"):
+        if word.startswith(("max_", "min_probe", "default_")) and word not in ("max_depth", "max_threads"):
             assert word in told, word
 
 
@@ -69,6 +69,7 @@ def test_generic_tools_find_and_call_everything(server: Server) -> None:
     assert services >= {
         "fogbank.v1.SceneService",
         "fogbank.v1.RenderService",
+        "fogbank.v1.ProbeService",
         "fogbank.v1.ServerService",
         "grpc.reflection.v1alpha.ServerReflection",
     }
@@ -87,7 +88,7 @@ def test_generic_tools_find_and_call_everything(server: Server) -> None:
         return json_format.MessageToDict(call(request_class(service=service)))["status"]
 
     assert status_of("") == "SERVING"
-    for service in ("fogbank.v1.SceneService", "fogbank.v1.RenderService", "fogbank.v1.ServerService"):
+    for service in sorted(service for service in services if service.startswith("fogbank.v1.")):
         assert pool.FindServiceByName(service).methods
         assert status_of(service) == "SERVING"
     with pytest.raises(grpc.RpcError) as caught:
