@@ -46,7 +46,7 @@ Outlines find_outlines(const SphereRays& rays, int32_t steps, RayCounters& count
     const RayEnd& b = rays.ends()[edges[e].b];
     if (surfaces_meet(lines.direction(edges[e].a), a, lines.direction(edges[e].b), b)) continue;
     outlines.of_edge[e] = Outlines::unknown;
-    if (steps == 0 || a.mirrors != 0 || b.mirrors != 0) continue;
+    if (steps == 0 || a.is_mirrored || b.is_mirrored) continue;
     outlines.of_edge[e] = static_cast<uint32_t>(outlines.points.size());
     Outline outline{edges[e].a, edges[e].b};
     if (b.distance < a.distance) std::swap(outline.near, outline.far);

@@ -11,6 +11,8 @@ namespace {
 
 /// Bisections of an outline (method.md section 17).
 constexpr int32_t outline_steps = 4;
+/// Scattering events before light leaves a hit: the one at x.
+constexpr int32_t hit_depth = 1;
 /// Least distance to a surface in radii of the scene: below it single precision no longer tells points apart.
 constexpr float least_radii = 1e-7f;
 /// The triangulation is trusted as far as its own value is within this factor of the mean.
@@ -51,7 +53,7 @@ SphereGather::SphereGather(std::shared_ptr<const transport::World> world, const 
 void SphereGather::trace(const Vec3f& x, int32_t medium, RandomStream& random, SphereSamples& samples,
                          RayCounters& counters) const {
   const int32_t n = DirectionTopology::side_for(settings_.samples);
-  samples.rays.trace(x, medium, n, settings_.max_depth, random, counters);
+  samples.rays.trace(x, medium, n, random, counters);
   samples.outlines = {};
   if (settings_.derivatives != DerivativeOrder::value)
     samples.outlines = find_outlines(samples.rays, settings_.bisect ? outline_steps : 0, counters);
@@ -60,27 +62,11 @@ void SphereGather::trace(const Vec3f& x, int32_t medium, RandomStream& random, S
 void SphereGather::sample_radiance(RandomStream& random, SphereSamples& samples,
                                    RayCounters& counters) const {
   const SphereRays& rays = samples.rays;
-  std::vector<Spectrum> leaving;
-  leaving.reserve(rays.hits().size());
-  if (plan_.reflected() || plan_.mirrors()) {
-    size_t first = 0;
-    for (size_t mirrors = 0; mirrors < rays.hits_up_to().size(); ++mirrors) {
-      const size_t count = rays.hits_up_to()[mirrors] - first;
-      // Rays that see no surface leave their paths to the others.
-      const size_t budget = mirrors == 0 ? rays.ends().size() : count;
-      const std::vector<Spectrum> radiance =
-          surface_radiance(kernel_, rays.hits().subspan(first, count), static_cast<int32_t>(budget),
-                           static_cast<int32_t>(1 + mirrors), random, counters);
-      leaving.insert(leaving.end(), radiance.begin(), radiance.end());
-      first += count;
-    }
-  }
-  leaving.resize(rays.hits().size(), Spectrum(0));
+  // Rays that see no surface leave their paths to the others.
+  const std::vector<Spectrum> leaving = surface_radiance(
+      kernel_, rays.hits(), static_cast<int32_t>(rays.ends().size()), hit_depth, random, counters);
   samples.radiance.assign(rays.ends().size(), Spectrum(0));
-  for (size_t i = 0; i < rays.ends().size(); ++i) {
-    const uint32_t hit = rays.ends()[i].hit;
-    if (hit != RayEnd::nothing) samples.radiance[i] = leaving[hit];
-  }
+  for (size_t i = 0; i < leaving.size(); ++i) samples.radiance[rays.rays_of_hits()[i]] = leaving[i];
 }
 
 RadianceJet SphereGather::gather(const SphereSamples& samples) const {
@@ -117,7 +103,7 @@ RadianceJet SphereGather::gather(const SphereSamples& samples) const {
     if (lit[ray] == 0) continue;
     const RayEnd& end = ends[ray];
     const float closeness = mesh.vertices[v].inverse_distance();
-    const bool crosses = end.mirrors == 0 && lines.changes_medium(ray);
+    const bool crosses = !end.is_mirrored && lines.changes_medium(ray);
     if (crosses) {
       // The jet of a transmittance that is not one exponential: double precision, vertex by vertex.
       const MediaPath path = lines.path(ray);

@@ -7,8 +7,8 @@ namespace fogbank::derivatives {
 
 namespace {
 
-/// Mirrors that one line is followed through; beyond them mirrors are surfaces as others are.
-constexpr uint8_t most_mirrors = 8;
+/// Mirrors that one line is followed through; beyond them a mirror's image counts as lying on it.
+constexpr size_t most_mirrors = 8;
 /// Neighbouring ends this close to each other's tangent planes, as a share of the distance, are on one
 /// surface.
 constexpr float flatness = 0.02f;
@@ -39,7 +39,7 @@ bool surfaces_meet(const Vec3f& direction_a, const RayEnd& a, const Vec3f& direc
   const bool a_ends = std::isfinite(a.distance);
   const bool b_ends = std::isfinite(b.distance);
   if (!a_ends || !b_ends) return a_ends == b_ends;
-  if (a.mirrors != b.mirrors) return false;
+  if (a.is_mirrored != b.is_mirrored) return false;
   const float beyond_a = b.distance - plane_distance(direction_a, a, direction_b);
   const float beyond_b = a.distance - plane_distance(direction_b, b, direction_a);
   if (std::fabs(beyond_a) <= flatness * b.distance && std::fabs(beyond_b) <= flatness * a.distance)
@@ -57,119 +57,74 @@ bool SphereRays::is_mirror(uint32_t shape) const {
          !is_black(bsdf.albedo_estimate());
 }
 
-Spectrum SphereRays::environment(const Vec3f& direction, bool mirrored) const {
-  Spectrum sum(0);
-  for (const uint32_t light : lines_.world().environments()) {
-    if (mirrored || plan_.treatment(light) == transport::LightTreatment::sphere_grid)
-      sum += lines_.world().lights().light(light).emitted(direction, nullptr);
-  }
-  return sum;
-}
-
-RayEnd SphereRays::end_of(const Sightlines& lines, size_t line) {
-  RayEnd end;
-  end.distance = lines.distance(line);
-  if (!lines.is_blocked(line)) return end;
-  const scene::SurfaceInteraction surface = lines.surface(line);
-  end.normal = surface.geometric_normal;
-  end.surface = surface_number(lines.hit(line), surface.geometric_normal);
-  return end;
-}
-
-void SphereRays::add_hit(size_t ray, const scene::SurfaceInteraction& surface, const Vec3f& direction,
-                         int32_t medium) {
-  ends_[ray].hit = static_cast<uint32_t>(hits_.size());
-  hits_.push_back({surface, direction, medium, std::max(luminance(ends_[ray].weight), 0.0f)});
-}
-
-void SphereRays::trace(const Vec3f& x, int32_t medium, int32_t n, int32_t max_depth, RandomStream& random,
+void SphereRays::trace(const Vec3f& x, int32_t medium, int32_t n, RandomStream& random,
                        RayCounters& counters) {
   topology_ = DirectionTopology::of(n);
   hits_.clear();
-  hits_up_to_.clear();
+  rays_of_hits_.clear();
   lines_.start(x, medium);
   const std::vector<Vec3f> directions = stratified_directions(*topology_, random);
   constexpr float anywhere = infinity;
   lines_.append(directions, {&anywhere, 1}, counters, &random);
 
+  const transport::LightSampler& lights = lines_.world().lights();
   const bool reflected = plan_.reflected() || plan_.mirrors();
   ends_.assign(lines_.size(), {});
-  std::vector<Mirrored> mirrors;
   for (size_t ray = 0; ray < ends_.size(); ++ray) {
     RayEnd& end = ends_[ray];
     end.distance = lines_.distance(ray);
     end.weight = lines_.transmittance(ray, end.distance);
     if (!lines_.is_blocked(ray)) {
-      if (plan_.constant_environment()) end.emitted = environment(lines_.direction(ray), false);
+      for (const uint32_t light : lines_.world().environments())
+        if (plan_.treatment(light) == transport::LightTreatment::sphere_grid)
+          end.emitted += lights.light(light).emitted(lines_.direction(ray), nullptr);
       continue;
     }
     const scene::SurfaceInteraction surface = lines_.surface(ray);
     end.normal = surface.geometric_normal;
     end.surface = surface_number(lines_.hit(ray), surface.geometric_normal);
     if (!reflected) continue;
-    if (is_mirror(surface.shape)) {
-      mirrors.push_back({ray, surface, lines_.direction(ray), lines_.last_medium(ray), {}});
-    } else {
-      add_hit(ray, surface, lines_.direction(ray), lines_.last_medium(ray));
-    }
-  }
-  hits_up_to_.push_back(hits_.size());
-  // Camera, x, mirrors, light: each mirror is an edge more.
-  for (uint8_t count = 1; !mirrors.empty(); ++count) {
-    std::vector<Mirrored> further;
-    const bool light_in_reach = max_depth < 0 || max_depth >= 2 + count;
-    for (Mirrored& path : mirrors) {
-      ends_[path.ray].mirrors = count;
-      if (light_in_reach) follow(path, further, random, counters);
-    }
-    mirrors = std::move(further);
-    hits_up_to_.push_back(hits_.size());
+    hits_.push_back(
+        {surface, lines_.direction(ray), lines_.last_medium(ray), std::max(luminance(end.weight), 0.0f)});
+    rays_of_hits_.push_back(static_cast<uint32_t>(ray));
+    if (is_mirror(surface.shape)) follow_mirrors(ray, surface, random, counters);
   }
 }
 
-void SphereRays::follow(Mirrored& path, std::vector<Mirrored>& further, RandomStream& random,
-                        RayCounters& counters) {
+void SphereRays::follow_mirrors(size_t ray, scene::SurfaceInteraction surface, RandomStream& random,
+                                RayCounters& counters) {
   const transport::World& world = lines_.world();
-  RayEnd& end = ends_[path.ray];
-  const transport::ShadingPoint point = transport::World::shading_point(path.surface);
-  const float u = random.next_float();
-  const std::optional<transport::BsdfSample> sample =
-      world.bsdf(path.surface.shape)
-          .sample(point, point.frame.to_local(-path.direction), u, random.next_vec2());
-  if (!sample || !sample->delta) {
-    end.weight = Spectrum(0);
-    return;
+  RayEnd& end = ends_[ray];
+  Vec3f direction = lines_.direction(ray);
+  int32_t medium = lines_.last_medium(ray);
+  std::vector<Vec3f> normals;
+  Sightlines piece(world);
+  while (normals.size() < most_mirrors && is_mirror(surface.shape)) {
+    const transport::ShadingPoint point = transport::World::shading_point(surface);
+    const float u = random.next_float();
+    const std::optional<transport::BsdfSample> sample =
+        world.bsdf(surface.shape).sample(point, point.frame.to_local(-direction), u, random.next_vec2());
+    if (!sample || !sample->delta) return;
+    normals.push_back(surface.shading_normal);
+    direction = glm::normalize(point.frame.to_world(sample->wi));
+    medium = world.medium_beyond(surface, direction, medium);
+    piece.start(surface.spawn_origin(direction), medium);
+    constexpr float anywhere = infinity;
+    piece.append({&direction, 1}, {&anywhere, 1}, counters, &random);
+    medium = piece.last_medium(0);
+    end.is_mirrored = true;
+    end.distance += piece.distance(0);
+    if (!piece.is_blocked(0)) {
+      end.normal = Vec3f(0);
+      end.surface = RayEnd::nothing;
+      return;
+    }
+    surface = piece.surface(0);
+    end.normal = surface.geometric_normal;
+    for (auto normal = normals.rbegin(); normal != normals.rend(); ++normal)
+      end.normal = mirrored(end.normal, *normal);
+    end.surface = surface_number(piece.hit(0), end.normal);
   }
-  end.weight *= sample->weight;
-  const Vec3f direction = glm::normalize(point.frame.to_world(sample->wi));
-  path.normals.push_back(path.surface.shading_normal);
-  const int32_t medium = world.medium_beyond(path.surface, direction, path.medium);
-
-  Sightlines next(world);
-  next.start(path.surface.spawn_origin(direction), medium);
-  constexpr float anywhere = infinity;
-  next.append({&direction, 1}, {&anywhere, 1}, counters, &random);
-  end.weight *= next.transmittance(0, next.distance(0));
-  end.distance += next.distance(0);
-  if (!next.is_blocked(0)) {
-    end.normal = Vec3f(0);
-    end.surface = RayEnd::nothing;
-    end.emitted = environment(direction, true);
-    return;
-  }
-  const scene::SurfaceInteraction surface = next.surface(0);
-  end.normal = surface.geometric_normal;
-  for (auto normal = path.normals.rbegin(); normal != path.normals.rend(); ++normal)
-    end.normal = mirrored(end.normal, *normal);
-  end.surface = surface_number(next.hit(0), end.normal) ^ (0x85ebca6bu * end.mirrors);
-  if (is_mirror(surface.shape) && end.mirrors < most_mirrors) {
-    further.push_back({path.ray, surface, direction, next.last_medium(0), std::move(path.normals)});
-    return;
-  }
-  const uint32_t light = world.light_of_hit(surface.shape, surface.primitive);
-  if (light != transport::SceneLights::no_light)
-    end.emitted = world.lights().light(light).emitted(direction, &surface);
-  add_hit(path.ray, surface, direction, next.last_medium(0));
 }
 
 }  // namespace fogbank::derivatives

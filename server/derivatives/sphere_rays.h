@@ -19,10 +19,9 @@ struct RayEnd {
   Vec3f normal{0};            ///< geometric, unit; 0 at infinity
   /// Equal for ends on one side of one surface; different ones need not be joined.
   uint32_t surface = nothing;
-  uint32_t hit = nothing;  ///< which of SphereRays::hits() sends light along the ray
-  uint8_t mirrors = 0;     ///< between the point and the end
-  Spectrum weight{1};      ///< transmittance times reflectance of the mirrors
-  Spectrum emitted{0};     ///< counted here and in no light's own grid
+  bool is_mirrored = false;
+  Spectrum weight{1};   ///< transmittance to the first surface
+  Spectrum emitted{0};  ///< by an environment that is counted here and in no grid of its own
 
   static constexpr uint32_t nothing = 0xffffffff;
 };
@@ -36,43 +35,28 @@ class SphereRays {
   /// `world` and `plan` must outlive this.
   SphereRays(const transport::World& world, const transport::Plan& plan) : plan_(plan), lines_(world) {}
 
-  /// Lines from `x` in `medium` in `n` x `n` stratified directions. `max_depth`: edges of a whole path.
-  void trace(const Vec3f& x, int32_t medium, int32_t n, int32_t max_depth, RandomStream& random,
-             RayCounters& counters);
+  /// Lines from `x` in `medium` in `n` x `n` stratified directions.
+  void trace(const Vec3f& x, int32_t medium, int32_t n, RandomStream& random, RayCounters& counters);
 
   const DirectionTopology& topology() const { return *topology_; }
   const Sightlines& lines() const { return lines_; }
   /// One for each direction.
   std::span<const RayEnd> ends() const { return ends_; }
-  /// Surfaces that may send light along rays, by number of mirrors before them.
+  /// The surfaces that may send light along rays, and the ray of each; empty if the plan wants none of it.
   std::span<const SurfaceHit> hits() const { return hits_; }
-  /// How many of hits() lie behind at most `mirrors` mirrors; the last entry is all of them.
-  std::span<const size_t> hits_up_to() const { return hits_up_to_; }
-
-  /// The end of a line that was not traced with the grid, mirrors not followed: for bisection.
-  static RayEnd end_of(const Sightlines& lines, size_t line);
+  std::span<const uint32_t> rays_of_hits() const { return rays_of_hits_; }
 
  private:
-  /// A line on its way from mirror to mirror.
-  struct Mirrored {
-    size_t ray = 0;
-    scene::SurfaceInteraction surface;  ///< the mirror that was met
-    Vec3f direction{0, 0, 1};           ///< in which it was met
-    int32_t medium = scene::none;
-    std::vector<Vec3f> normals;  ///< of the mirrors before it
-  };
-
   bool is_mirror(uint32_t shape) const;
-  void add_hit(size_t ray, const scene::SurfaceInteraction& surface, const Vec3f& direction, int32_t medium);
-  void follow(Mirrored& path, std::vector<Mirrored>& further, RandomStream& random, RayCounters& counters);
-  Spectrum environment(const Vec3f& direction, bool mirrored) const;
+  void follow_mirrors(size_t ray, scene::SurfaceInteraction surface, RandomStream& random,
+                      RayCounters& counters);
 
   const transport::Plan& plan_;
   std::shared_ptr<const DirectionTopology> topology_;
   Sightlines lines_;
   std::vector<RayEnd> ends_;
   std::vector<SurfaceHit> hits_;
-  std::vector<size_t> hits_up_to_;
+  std::vector<uint32_t> rays_of_hits_;
 };
 
 }  // namespace fogbank::derivatives
