@@ -111,7 +111,8 @@ Real mean_transmitted_distance(Real sigma_t, Real distance) {
   const Real depth = sigma_t * distance;
   // The difference below cancels; the series is exact to rounding there.
   if (depth < Real(0.01))
-    return distance * (Real(1) / 2 - depth * (Real(1) / 3 - depth * (Real(1) / 8 - depth / 30)));
+    return distance * (Real(1) / 2 -
+                       depth * (Real(1) / 3 - depth * (Real(1) / 8 - depth * (Real(1) / 30 - depth / 144))));
   const Real integral = transmittance_integral(sigma_t, distance);
   return (integral / distance - transmittance(sigma_t, distance)) / sigma_t;
 }

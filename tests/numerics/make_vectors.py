@@ -162,6 +162,43 @@ def assembly_case(case: Case) -> Case:
     return {**inputs, **with_derivatives(radiance, point, nearest)}
 
 
+def shells_case(case: Case) -> Case:
+    """Shells of a medium under the plain rule of method.md section 8.1, with a constant source subtracted (8.3).
+
+    Shell k lies at (k + 1/2) step; a ray's vertex is there, or where the ray ends before it. A triangle's weight is the
+    mean of (q - subtracted) T over its rays that haven't ended, and the constant itself counts with the integral of
+    transmittance up to the farthest of the triangle's ends.
+    """
+    point, directions, ends = exact(case["point"]), [exact(d) for d in case["directions"]], exact(case["ends"])
+    sigma_t, sigma_s, step, subtracted = (mpf(case[key]) for key in ("sigma_t", "sigma_s", "step", "subtracted"))
+
+    def on_ray(ray: int, distance: mpf) -> Vector:
+        return [p + distance * d for p, d in zip(point, directions[ray], strict=True)]
+
+    shells = [(k + mpf(0.5)) * step for k in range(len(case["source"][0]))]
+    vertices = [[on_ray(i, min(distance, end)) for i, end in enumerate(ends)] for distance in shells]
+    farthest = [max(corners, key=lambda i: ends[i]) for corners in case["triangles"]]
+    last = [on_ray(i, end) for i, end in enumerate(ends)]
+
+    def radiance(x: Vector) -> mpf:
+        total = mpf(0)
+        for corners, far in zip(case["triangles"], farthest, strict=True):
+            whole = triangle_form_factor(x, [last[i] for i in corners])
+            total += subtracted * transmittance_integral(sigma_t, x, last[far]) * whole
+            for k, distance in enumerate(shells):
+                alive = [i for i in corners if distance < ends[i]]
+                if not alive:
+                    continue
+                light = mp.fsum(
+                    (mpf(case["source"][i][k]) - subtracted) * transmittance(sigma_t, x, vertices[k][i]) for i in alive
+                )
+                total += step * light / len(alive) * triangle_form_factor(x, [vertices[k][i] for i in corners])
+        return sigma_s * total
+
+    inputs = ("tag", "sigma_t", "sigma_s", "step", "point", "directions", "ends", "triangles", "source", "subtracted")
+    return {**{key: case[key] for key in inputs}, **with_derivatives(radiance, point, min(shells[0], min(ends)))}
+
+
 def direction(source: random.Random, dimensions: int) -> list[float]:
     gaussian = [source.gauss(0, 1) for _ in range(dimensions)]
     norm = sum(g * g for g in gaussian) ** 0.5
@@ -242,6 +279,7 @@ FILES: dict[str, tuple[Callable[[Case], Case], Callable[[], list[Case]]]] = {
     "segment2d": (segment_case, stiff_segments),
     "transmittance3d": (transmittance_case, stiff_transmittances),
     "assembly3d": (assembly_case, list),
+    "shells3d": (shells_case, list),
 }
 
 
