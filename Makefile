@@ -9,7 +9,7 @@ python := .venv/bin/python
 export FOGBANK_SERVER_BINARY := $(CURDIR)/$(build_folder)/bin/fogbankd
 
 .DEFAULT_GOAL := help
-.PHONY: help setup stubs build demo test install bench soak format lint lock clean
+.PHONY: help setup stubs build demo test install bench stability soak format lint lock clean
 
 help: ## this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{ printf "make %-9s %s\n", $$1, $$2 }'
@@ -38,6 +38,9 @@ install: build ## link the fogbank command into PREFIX/bin (default /usr/local)
 
 bench: build ## the figures of the README: speed against Mitsuba 3, streaming, start-up
 	@$(python) -m tests.bench.run
+
+stability: build ## errors of the closed forms in stiff and extreme cases: tables and plots in out/stability
+	@$(python) -m tests.stability.run
 
 soak: build ## many clients that come, go and cancel, for FOGBANK_SOAK_SECONDS (600)
 	@$(python) -m pytest tests -m soak --capture=no

@@ -117,17 +117,23 @@ Real triangle_form_factor(const RelativeTriangle<Real>& triangle, const ScaledVe
                                               EdgeAngle<Real>(r[1], r[2], triangle.edges[1]),
                                               EdgeAngle<Real>(r[2], r[0], triangle.edges[2])};
   size_t near = 0;
-  size_t widest = 0;  // the edge with the largest s; the pivot is the vertex opposite
+  size_t widest = 0;    // the edge with the largest s; the pivot is the vertex opposite
+  size_t straight = 0;  // the edge with the smallest |c|: the shortest as seen, or nearly through the point
   for (size_t i = 1; i < 3; ++i) {
     if (r[i].inverse_length() > r[near].inverse_length()) near = i;
     if (angles[i].s > angles[widest].s) widest = i;
+    if (glm::dot(angles[i].c, angles[i].c) < glm::dot(angles[straight].c, angles[straight].c)) straight = i;
   }
-  // A and B of section 4.1 over l1 l2 l3; A = r . normal from the nearest vertex.
+  // A and B of section 4.1 over l1 l2 l3. A = r . normal from the nearest vertex, or c . u of an edge and the
+  // vertex opposite: whichever product is of smaller vectors and thus has the smaller error, the latter close
+  // to edges.
   const ScaledVector<Real, 3>& second = r[(near + 1) % 3];
   const ScaledVector<Real, 3>& third = r[(near + 2) % 3];
-  const glm::vec<3, Real> normal = triangle_normal(triangle, second.scale, third.scale);
-  const Real a = glm::dot(r[near].mantissa, normal) *
-                 (r[near].inverse_norm * (second.inverse_norm * third.inverse_norm));
+  const Real inverse_norms = second.inverse_norm * third.inverse_norm;
+  const glm::vec<3, Real> normal = triangle_normal(triangle, second.scale, third.scale) * inverse_norms;
+  const glm::vec<3, Real>& c = angles[straight].c;
+  const Real a = glm::dot(c, c) < glm::dot(normal, normal) ? glm::dot(c, r[(straight + 2) % 3].unit())
+                                                           : glm::dot(r[near].unit(), normal);
   const EdgeAngle<Real>& before = angles[(widest + 1) % 3];
   const EdgeAngle<Real>& after = angles[(widest + 2) % 3];
   // c of `before` points toward the pivot and that of `after` away from it, hence the minus.

@@ -94,8 +94,8 @@ def with_derivatives(field: Callable[[Vector], mpf], point: Vector, scale: mpf) 
         for j in axes[i + 1 :]:
             mixed = at((i, 1), (j, 1)) - at((i, 1), (j, -1)) - at((i, -1), (j, 1)) + at((i, -1), (j, -1))
             hessian.append(mixed / (4 * step**2))
-    # What is 0 in exact arithmetic comes out as the rounding of the differences.
-    noise = mpf(10) ** -40
+    # What is 0 in exact arithmetic comes out as the rounding of the second differences, with digits to spare.
+    noise = mpf(10) ** (80 - mp.dps)
 
     def rounded(number: mpf, size: mpf) -> float:
         return 0.0 if abs(number) < noise * size else float(number)
