@@ -77,8 +77,9 @@ RadianceJet Aware::estimate(const Vec3f& x, uint32_t repeat, RayCounters& counte
   if (settings_.order != Order::multiple) {
     RandomStream random = random_at(x, settings_.seed, repeat, radiance_stream);
     sphere_.sample_radiance(random, samples, counters);
-    sum += sphere_.gather(samples);
   }
+  sphere_.find_outlines(samples, counters);
+  if (settings_.order != Order::multiple) sum += sphere_.gather(samples);
   if (plan_.shells()) {
     RandomStream random = random_at(x, settings_.seed, repeat, medium_stream);
     add_medium(x, samples, random, sum, counters);

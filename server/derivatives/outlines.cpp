@@ -7,6 +7,14 @@ namespace fogbank::derivatives {
 
 namespace {
 
+/// Weights closer than this share of the larger one aren't worth a silhouette.
+constexpr float least_difference = 0.01f;
+
+struct Jump {
+  uint32_t edge = 0;
+  float motion = 0;  ///< how much light it moves
+};
+
 /// An edge on its way to its outline: directions closing in on it from both sides.
 struct Search {
   Vec3f near_direction{0};
@@ -35,21 +43,41 @@ bool is_near_side(const Sightlines& probes, size_t probe, const Sightlines& line
 
 }  // namespace
 
-Outlines find_outlines(const SphereRays& rays, int32_t steps, RayCounters& counters) {
+Outlines find_outlines(const SphereRays& rays, std::span<const float> weights, int32_t steps, size_t most,
+                       RayCounters& counters) {
   const Sightlines& lines = rays.lines();
   const auto edges = rays.topology().edges();
   Outlines outlines;
   outlines.of_edge.assign(edges.size(), Outlines::none);
-  std::vector<Search> searches;
-  for (size_t e = 0; e < edges.size(); ++e) {
+  std::vector<Jump> jumps;
+  for (uint32_t e = 0; e < edges.size(); ++e) {
     const RayEnd& a = rays.ends()[edges[e].a];
     const RayEnd& b = rays.ends()[edges[e].b];
     if (surfaces_meet(lines.direction(edges[e].a), a, lines.direction(edges[e].b), b)) continue;
     outlines.of_edge[e] = Outlines::unknown;
-    if (steps == 0 || a.is_mirrored || b.is_mirrored) continue;
-    outlines.of_edge[e] = static_cast<uint32_t>(outlines.points.size());
-    Outline outline{edges[e].a, edges[e].b};
-    if (b.distance < a.distance) std::swap(outline.near, outline.far);
+    if (a.is_mirrored || b.is_mirrored) continue;
+    const float weight_a = weights[edges[e].a];
+    const float weight_b = weights[edges[e].b];
+    const float difference = std::fabs(weight_a - weight_b);
+    if (!(difference > least_difference * std::max(weight_a, weight_b))) continue;
+    jumps.push_back({e, difference * std::fabs(1 / a.distance - 1 / b.distance)});
+  }
+  if (steps == 0 || most == 0) return outlines;
+  if (jumps.size() > most) {
+    std::nth_element(jumps.begin(), jumps.begin() + static_cast<std::ptrdiff_t>(most), jumps.end(),
+                     [](const Jump& i, const Jump& j) {
+                       return i.motion != j.motion ? i.motion > j.motion : i.edge < j.edge;
+                     });
+    jumps.resize(most);
+    // Back in the order of the grid, in which neighbours are close.
+    std::sort(jumps.begin(), jumps.end(), [](const Jump& i, const Jump& j) { return i.edge < j.edge; });
+  }
+  std::vector<Search> searches;
+  for (const Jump& jump : jumps) {
+    const DirectionTopology::Edge& edge = edges[jump.edge];
+    outlines.of_edge[jump.edge] = static_cast<uint32_t>(outlines.points.size());
+    Outline outline{edge.a, edge.b};
+    if (rays.ends()[edge.b].distance < rays.ends()[edge.a].distance) std::swap(outline.near, outline.far);
     outlines.points.push_back(outline);
     searches.push_back({lines.direction(outline.near), lines.direction(outline.far),
                         rays.ends()[outline.near].distance, rays.ends()[outline.far].distance});

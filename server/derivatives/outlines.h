@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "derivatives/sphere_rays.h"
@@ -28,8 +29,11 @@ struct Outlines {
   static constexpr uint32_t unknown = 0xfffffffe;  ///< a jump in depth that was not bisected
 };
 
-/// Looks at every edge. Jumps in depth are bisected `steps` times, 0: not at all; those at the frame of a
-/// mirror never are.
-Outlines find_outlines(const SphereRays& rays, int32_t steps, RayCounters& counters);
+/// Looks at every edge, and bisects jumps in depth `steps` times, at most `most` of them: first those that
+/// move most light as the point moves, by the difference of `weights` (one a ray, >= 0: radiance times
+/// transmittance) times that of the inverse distances. Jumps between weights that differ by less than 1 %
+/// never are, nor are those at the frame of a mirror.
+Outlines find_outlines(const SphereRays& rays, std::span<const float> weights, int32_t steps, size_t most,
+                       RayCounters& counters);
 
 }  // namespace fogbank::derivatives

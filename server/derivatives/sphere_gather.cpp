@@ -54,9 +54,20 @@ void SphereGather::trace(const Vec3f& x, int32_t medium, RandomStream& random, S
                          RayCounters& counters) const {
   const int32_t n = DirectionTopology::side_for(settings_.samples);
   samples.rays.trace(x, medium, n, random, counters);
-  samples.outlines = {};
-  if (settings_.derivatives != DerivativeOrder::value)
-    samples.outlines = find_outlines(samples.rays, settings_.bisect ? outline_steps : 0, counters);
+  samples.outlines.points.clear();
+  samples.outlines.of_edge.assign(samples.rays.topology().edges().size(), Outlines::none);
+  samples.radiance.assign(samples.rays.ends().size(), Spectrum(0));
+}
+
+void SphereGather::find_outlines(SphereSamples& samples, RayCounters& counters) const {
+  if (settings_.derivatives == DerivativeOrder::value) return;
+  const auto ends = samples.rays.ends();
+  const bool lit = settings_.order != Order::multiple;
+  std::vector<float> weights(ends.size());
+  for (size_t i = 0; i < ends.size(); ++i)
+    weights[i] = luminance(lit ? ends[i].weight * (samples.radiance[i] + ends[i].emitted) : ends[i].weight);
+  samples.outlines = derivatives::find_outlines(samples.rays, weights, settings_.bisect ? outline_steps : 0,
+                                                ends.size() / static_cast<size_t>(outline_steps), counters);
 }
 
 void SphereGather::sample_radiance(RandomStream& random, SphereSamples& samples,
@@ -65,7 +76,6 @@ void SphereGather::sample_radiance(RandomStream& random, SphereSamples& samples,
   // Rays that see no surface leave their paths to the others.
   const std::vector<Spectrum> leaving = surface_radiance(
       kernel_, rays.hits(), static_cast<int32_t>(rays.ends().size()), hit_depth, random, counters);
-  samples.radiance.assign(rays.ends().size(), Spectrum(0));
   for (size_t i = 0; i < leaving.size(); ++i) samples.radiance[rays.rays_of_hits()[i]] = leaving[i];
 }
 

@@ -18,7 +18,7 @@ struct SphereSamples {
   SphereSamples(const transport::World& world, const transport::Plan& plan) : rays(world, plan) {}
 
   SphereRays rays;
-  Outlines outlines;               ///< looked for only if there are derivatives to find
+  Outlines outlines;
   std::vector<Spectrum> radiance;  ///< leaving each ray's end towards the point; unbiased, noisy
 };
 
@@ -29,11 +29,14 @@ class SphereGather {
   SphereGather(std::shared_ptr<const transport::World> world, const transport::Plan& plan,
                const EstimatorSettings& settings);
 
-  /// Traces the rays and the outlines from `x` in `medium`.
+  /// Traces the rays from `x` in `medium`.
   void trace(const Vec3f& x, int32_t medium, RandomStream& random, SphereSamples& samples,
              RayCounters& counters) const;
   /// Samples radiance at the rays' ends, settings.samples paths altogether.
   void sample_radiance(RandomStream& random, SphereSamples& samples, RayCounters& counters) const;
+  /// Looks for outlines, with at most as many rays as the grid has; of what `sample_radiance` found if it was
+  /// called. Nothing to do if no derivatives are asked for.
+  void find_outlines(SphereSamples& samples, RayCounters& counters) const;
   /// Mean incoming radiance of those samples. The value is the stratified mean; gradient and Hessian are the
   /// triangulation's, scaled by the ratio of the luminances of the two values (method.md section 6.1). Mean
   /// rule on triangles whose ends lie on surfaces that meet, farthest rule on slanted ones, which outlines

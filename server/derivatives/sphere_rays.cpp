@@ -26,11 +26,21 @@ uint32_t surface_number(const scene::Hit& hit, const Vec3f& normal) {
 
 Vec3f mirrored(const Vec3f& v, const Vec3f& normal) { return v - 2 * glm::dot(v, normal) * normal; }
 
-/// Distance along `direction` of the tangent plane at an end in `at`; infinite where it isn't met.
-float plane_distance(const Vec3f& at, const RayEnd& end, const Vec3f& direction) {
-  const float here = glm::dot(end.normal, at);
-  const float there = glm::dot(end.normal, direction);
-  return here * there > 0 ? end.distance * (here / there) : infinity;
+/// How far an end lies behind (positive) or before another's tangent plane along its own line.
+struct PlaneOffset {
+  bool is_small = false;
+  bool is_before = false;
+};
+
+/// Of the end `b` and the plane at `a`. Planes that the line doesn't meet count as infinitely far away.
+PlaneOffset offset_from_plane(const Vec3f& direction_a, const RayEnd& a, const Vec3f& direction_b,
+                              const RayEnd& b) {
+  const float here = glm::dot(a.normal, direction_a);
+  const float there = glm::dot(a.normal, direction_b);
+  if (!(here * there > 0)) return {false, true};
+  // b.distance - a.distance here / there, times |there|.
+  const float offset = std::copysign(1.0f, there) * (b.distance * there - a.distance * here);
+  return {std::fabs(offset) <= flatness * b.distance * std::fabs(there), offset < 0};
 }
 
 }  // namespace
@@ -40,14 +50,13 @@ bool surfaces_meet(const Vec3f& direction_a, const RayEnd& a, const Vec3f& direc
   const bool b_ends = std::isfinite(b.distance);
   if (!a_ends || !b_ends) return a_ends == b_ends;
   if (a.is_mirrored != b.is_mirrored) return false;
-  const float beyond_a = b.distance - plane_distance(direction_a, a, direction_b);
-  const float beyond_b = a.distance - plane_distance(direction_b, b, direction_a);
-  if (std::fabs(beyond_a) <= flatness * b.distance && std::fabs(beyond_b) <= flatness * a.distance)
-    return true;
-  // At an edge or in a corner both tangent planes pass on the same side of the other end; across a jump the
-  // near one passes before it and the far one behind.
-  const bool same_side = (beyond_a < 0) == (beyond_b < 0);
-  return same_side && std::max(a.distance, b.distance) <= greatest_step * std::min(a.distance, b.distance);
+  const PlaneOffset of_b = offset_from_plane(direction_a, a, direction_b, b);
+  const PlaneOffset of_a = offset_from_plane(direction_b, b, direction_a, a);
+  if (of_a.is_small && of_b.is_small) return true;
+  // At an edge or in a corner both ends lie on the same side of the other's tangent plane; across a jump the
+  // far one lies behind the near one's and the near one before the far one's.
+  return of_a.is_before == of_b.is_before &&
+         std::max(a.distance, b.distance) <= greatest_step * std::min(a.distance, b.distance);
 }
 
 bool SphereRays::is_mirror(uint32_t shape) const {

@@ -156,31 +156,38 @@ nlohmann::json measure(const std::shared_ptr<const transport::World>& world, con
   uint64_t bisection_rays = 0;
   float sink = 0;
   SphereSamples samples(*world, plan);
+  Sightlines lines(*world);
   const float anywhere = infinity;
   for (const Vec3f& x : points) {
     const int32_t medium = world->medium_at(x);
-    const auto trace = [&](const SphereGather& gather, const char* stage) {
-      RandomStream random = random_at(x, 0, 0, 0);
+    const auto timed = [&](const char* stage, const auto& work) {
       const Stopwatch watch(seconds[stage]);
-      gather.trace(x, medium, random, samples, counters);
+      work();
     };
     const auto gather_stage = [&](const SphereGather& gather, const char* stage) {
       const Stopwatch watch(seconds[stage]);
-      sink += static_cast<float>(gather.gather(samples).luminance().gradient.x);
+      const RadianceJet jet = gather.gather(samples);
+      sink += static_cast<float>(jet.luminance().value);
     };
-    uint64_t before = counters.total();
-    trace(value, "trace");
+    {
+      RandomStream random = random_at(x, 0, 0, 0);
+      const Stopwatch watch(seconds["trace"]);
+      value.trace(x, medium, random, samples, counters);
+    }
     rays += samples.rays.ends().size();
-    before = counters.total();
     const std::vector<Vec3f> sphere(samples.rays.lines().directions().begin(),
                                     samples.rays.lines().directions().end());
     std::vector<scene::Hit> hits(sphere.size());
     std::vector<uint8_t> occluded(sphere.size());
     const scene::RayBundle bundle{x, sphere, {&anywhere, 1}};
-    const auto timed = [&](const char* stage, const auto& work) {
-      const Stopwatch watch(seconds[stage]);
-      work();
-    };
+    {
+      RandomStream random = random_at(x, 0, 0, 0);
+      timed("directions", [&] { sink += stratified_directions(samples.rays.topology(), random)[0].x; });
+    }
+    timed("lines", [&] {
+      lines.start(x, medium);
+      lines.append(sphere, {&anywhere, 1}, counters);
+    });
     timed("embree_closest", [&] { sink += bare.closest(x, sphere); });
     timed("single_closest", [&] {
       for (size_t i = 0; i < sphere.size(); ++i) {
@@ -205,18 +212,17 @@ nlohmann::json measure(const std::shared_ptr<const transport::World>& world, con
       value.sample_radiance(random, samples, counters);
     }
     gather_stage(value, "value");
-    const std::vector<Spectrum> radiance = samples.radiance;
-    trace(plain, "trace_plain");
+    timed("jumps", [&] { plain.find_outlines(samples, counters); });
     gather_stage(gradient, "gradient");
     gather_stage(plain, "hessian");
-    before = counters.total();
-    trace(bisected, "trace_bisected");
+    const uint64_t before = counters.total();
+    timed("outlines", [&] { bisected.find_outlines(samples, counters); });
     bisection_rays += counters.total() - before;
     gather_stage(bisected, "hessian_bisected");
   }
   nlohmann::json result{
-      {"directions", rays / points.size()},
-      {"bisection_rays", static_cast<double>(bisection_rays - rays) / static_cast<double>(points.size())},
+      {"rays", rays / points.size()},
+      {"bisection_rays", static_cast<double>(bisection_rays) / static_cast<double>(points.size())},
       {"finite", std::isfinite(sink)}};
   for (const auto& [stage, time] : seconds) result[stage] = time / static_cast<double>(points.size());
   return result;

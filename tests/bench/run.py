@@ -46,9 +46,9 @@ def main() -> None:
     """Runs the parts that were asked for."""
     arguments = argparse.ArgumentParser(description="Fogbank's benchmarks")
     arguments.add_argument(
-        "parts", nargs="*", metavar="PART", help="comparison, embree, loading, serving, form_factors"
+        "parts", nargs="*", metavar="PART", help="comparison, embree, loading, serving, form_factors, records"
     )
-    arguments.add_argument("--scene", action="append", help="only this scene (comparison, embree)")
+    arguments.add_argument("--scene", action="append", help="only this scene (comparison, embree, records)")
     arguments.add_argument("--scale", type=float, default=1, help="of the images' sides")
     arguments.add_argument("--spp", type=int, default=16, help="samples per pixel of a round")
     arguments.add_argument(
@@ -89,12 +89,22 @@ def main() -> None:
         save("form_factors", rates)
         return form_factors.table(rates)
 
+    def run_records() -> str:
+        results = {
+            name: records.measure(path, records.DIRECTIONS)
+            for name, path in records.scenes().items()
+            if not options.scene or name in options.scene
+        }
+        save("records", results)
+        return records.table(results)
+
     parts: dict[str, Callable[[], str]] = {
         "comparison": run_comparison,
         "embree": run_embree,
         "loading": run_loading,
         "serving": run_serving,
         "form_factors": run_form_factors,
+        "records": run_records,
     }
     unknown = set(options.parts) - set(parts)
     if unknown:

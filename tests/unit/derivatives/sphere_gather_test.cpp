@@ -38,6 +38,9 @@ RadianceJet lit_uniformly(const std::shared_ptr<const transport::World>& world, 
   RandomStream random(settings.seed, 1, 2, 3);
   RayCounters counters;
   gather.trace(x, world->medium_at(x), random, samples, counters);
+  // Different enough for all jumps to be worth an outline.
+  for (Spectrum& radiance : samples.radiance) radiance = Spectrum(random.next_float());
+  gather.find_outlines(samples, counters);
   samples.radiance.assign(samples.rays.ends().size(), Spectrum(1));
   return gather.gather(samples);
 }
@@ -142,6 +145,7 @@ TEST(SphereGather, PlateBeforeTheSky) {
     RandomStream random(1, 2, 3, repeat);
     gather.trace(x, scene::none, random, samples, counters);
     gather.sample_radiance(random, samples, counters);
+    gather.find_outlines(samples, counters);
     RadianceJet jet = gather.gather(samples);
     jet *= 1.0 / repeats;
     mean += jet;
