@@ -6,6 +6,7 @@
 #include <span>
 
 #include "derivatives/estimator.h"
+#include "derivatives/flatland/model.h"
 #include "render/render_job.h"
 
 namespace fogbank::service::limits {
@@ -52,6 +53,14 @@ inline constexpr int64_t max_probe_repeats = derivatives::EstimatorLimits::most_
 /// So long a task of a probe keeps its thread before another workload may have it, one point at least.
 inline constexpr double probe_slice_seconds = 0.02;
 inline constexpr double probe_stall_seconds = 600;
+
+// Points of the two-dimensional model.
+inline constexpr int64_t max_flatland_points = 4096;
+inline constexpr int64_t max_flatland_segments = derivatives::flatland::largest_segment_count;
+inline constexpr int64_t min_flatland_samples = derivatives::flatland::smallest_sample_count;
+inline constexpr int64_t max_flatland_samples = derivatives::flatland::largest_sample_count;
+inline constexpr int64_t max_flatland_bisections = derivatives::flatland::largest_bisection_count;
+inline constexpr int64_t max_flatland_march_points = derivatives::flatland::largest_march_points;
 
 // Lists.
 inline constexpr int64_t max_page_size = 200;

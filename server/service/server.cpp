@@ -19,6 +19,7 @@
 #include "service/blob_store.h"
 #include "service/channel_arguments.h"
 #include "service/files.h"
+#include "service/flatland_service.h"
 #include "service/job_table.h"
 #include "service/limits.h"
 #include "service/listen_address.h"
@@ -128,6 +129,7 @@ struct Server::Parts {
         scene_service(scenes, blobs, control, files),
         render_service(jobs, control, files, pump),
         probe_service(scenes, scheduler, control, probe_pump),
+        flatland_service(control, scheduler),
         server_service(scenes, jobs, scheduler, pump, probe_pump, control) {}
 
   FileDescriptor lock;
@@ -145,6 +147,7 @@ struct Server::Parts {
   SceneServiceImplementation scene_service;
   RenderServiceImplementation render_service;
   ProbeServiceImplementation probe_service;
+  FlatlandServiceImplementation flatland_service;
   ServerServiceImplementation server_service;
   std::optional<Sweeper> sweeper;
   std::unique_ptr<grpc::Server> server;
@@ -173,15 +176,16 @@ Server::Server(const ServerOptions& options) {
   builder.RegisterService(&parts_->scene_service);
   builder.RegisterService(&parts_->render_service);
   builder.RegisterService(&parts_->probe_service);
+  builder.RegisterService(&parts_->flatland_service);
   builder.RegisterService(&parts_->server_service);
   parts_->server = builder.BuildAndStart();
   if (!parts_->server || (address.is_network && port == 0)) {
     throw OptionError("can't listen on " + options.listen + ": is the address in use?");
   }
   auto* health = parts_->server->GetHealthCheckService();
-  for (const char* service :
-       {v1::SceneService::service_full_name(), v1::RenderService::service_full_name(),
-        v1::ProbeService::service_full_name(), v1::ServerService::service_full_name()}) {
+  for (const char* service : {v1::SceneService::service_full_name(), v1::RenderService::service_full_name(),
+                              v1::ProbeService::service_full_name(), v1::FlatlandService::service_full_name(),
+                              v1::ServerService::service_full_name()}) {
     health->SetServingStatus(service, true);
   }
   parts_->target = address.is_network ? address.host + ":" + std::to_string(port) : address.target;

@@ -19,12 +19,13 @@ from fogbank_cli.job import job
 from fogbank_cli.plan import plan
 from fogbank_cli.probe import probe
 from fogbank_cli.render import render
+from fogbank_cli.reproduce import reproduce
 from fogbank_cli.scene import scene
 from fogbank_cli.serve import serve
 from fogbank_cli.server import server
 from fogbank_cli.session import Session
 
-COMMANDS: tuple[click.Command, ...] = (render, probe, plan, serve, scene, job, server)
+COMMANDS: tuple[click.Command, ...] = (render, probe, plan, serve, scene, job, server, reproduce)
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]}, epilog=help_table())

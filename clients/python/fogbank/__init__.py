@@ -38,6 +38,7 @@ from fogbank.errors import (
     UnavailableError,
     UnsupportedError,
 )
+from fogbank.flatland import FlatlandEstimates, FlatlandOptions, FlatlandScene
 from fogbank.image import Image, to_srgb
 from fogbank.job import Job, JobEvent, JobState, Progress, RenderStatistics
 from fogbank.pixels import Tile, place
@@ -58,6 +59,9 @@ __all__ = [
     "DataLossError",
     "DeadlineExceededError",
     "FailedPreconditionError",
+    "FlatlandEstimates",
+    "FlatlandOptions",
+    "FlatlandScene",
     "FogbankError",
     "Image",
     "InternalError",

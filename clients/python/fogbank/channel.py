@@ -9,6 +9,7 @@ from typing import Protocol, TypeVar
 
 import grpc
 
+from fogbank._generated.v1.flatland_pb2_grpc import FlatlandServiceStub
 from fogbank._generated.v1.probe_pb2_grpc import ProbeServiceStub
 from fogbank._generated.v1.render_pb2_grpc import RenderServiceStub
 from fogbank._generated.v1.scene_pb2_grpc import SceneServiceStub
@@ -55,6 +56,7 @@ class Stubs:
         self.scenes = SceneServiceStub(channel)
         self.render = RenderServiceStub(channel)
         self.probe = ProbeServiceStub(channel)
+        self.flatland = FlatlandServiceStub(channel)
         self.server = ServerServiceStub(channel)
 
 

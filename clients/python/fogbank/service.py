@@ -8,8 +8,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Self, Unpack
 
+from numpy.typing import ArrayLike
+
+from fogbank import flatland
 from fogbank._generated.v1 import render_pb2, scene_pb2, server_pb2
 from fogbank.capabilities import Capabilities, ServerStatus
 from fogbank.channel import Connection
@@ -191,6 +194,26 @@ class Service:
             token = response.next_page_token
             if not token:
                 return
+
+    def probe_flatland(
+        self,
+        scene: flatland.FlatlandScene,
+        points: ArrayLike,
+        *,
+        method: flatland.Method = "aware",
+        order: flatland.Order = "both",
+        **options: Unpack[flatland.FlatlandOptions],
+    ) -> flatland.FlatlandEstimates:
+        """Mean radiance with gradient and Hessian in the two-dimensional model.
+
+        Args:
+            scene: for example from `fogbank.flatland.read_scene`.
+            points: (n, 2), inside the scene's box and off its surfaces.
+            method: "exact" is the reference for the others.
+            order: light from the segments ("single"), from the medium that they light ("multiple"), or from both.
+            options: everything else that flatland.proto lists as a setting.
+        """
+        return flatland.probe(self._connection, scene, points, method=method, order=order, **options)
 
     def _create_scene(self, request: scene_pb2.CreateSceneRequest) -> Scene:
         request.request_id = uuid.uuid4().hex

@@ -87,6 +87,7 @@ struct Model::Parts {
 
 Model::Model(const SceneDescription& scene, const Settings& settings)
     : parts_(std::make_unique<const Parts>(scene, settings)) {}
+Model::Model(Model&& other) noexcept = default;
 Model::~Model() = default;
 
 const Scene& Model::scene() const { return parts_->scene; }

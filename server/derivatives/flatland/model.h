@@ -21,6 +21,7 @@ class Model {
   /// Error(invalid_argument): "INVALID_SCENE" or "INVALID_SETTINGS", naming the field;
   /// Error(resource_exhausted, "TOO_MANY_CREASES") for the exact method of multiple scattering.
   Model(const SceneDescription& scene, const Settings& settings);
+  Model(Model&& other) noexcept;
   ~Model();
 
   /// A pure function of scene, settings and x. All numbers are finite. Throws Error(invalid_argument,

@@ -1,0 +1,17 @@
+// One ProbeFlatland call.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include "fogbank/v1/flatland.pb.h"
+#include "service/scheduling/scheduler.h"
+#include "service/scheduling/task_queue.h"
+
+namespace fogbank::service {
+
+/// A reactor that deletes itself when the call is done. `control` checks the request, `scheduler` computes.
+grpc::ServerUnaryReactor* start_flatland_call(const v1::ProbeFlatlandRequest& request,
+                                              v1::ProbeFlatlandResponse& response, TaskQueue& control,
+                                              Scheduler& scheduler);
+
+}  // namespace fogbank::service
