@@ -20,6 +20,7 @@ from fogbank._generated.v1 import probe_pb2 as probe
 from fogbank._generated.v1 import render_pb2 as render
 from fogbank._generated.v1 import scene_pb2 as scene
 from fogbank._generated.v1 import server_pb2 as server
+from fogbank._generated.v1.flatland_pb2_grpc import FlatlandServiceStub
 from fogbank._generated.v1.probe_pb2_grpc import ProbeServiceStub
 from fogbank._generated.v1.render_pb2_grpc import RenderServiceStub
 from fogbank._generated.v1.scene_pb2_grpc import SceneServiceStub
@@ -172,6 +173,7 @@ class Server:
         self.scenes = SceneServiceStub(self.channel)
         self.render = RenderServiceStub(self.channel)
         self.probe = ProbeServiceStub(self.channel)
+        self.flatland = FlatlandServiceStub(self.channel)
         self.server = ServerServiceStub(self.channel)
 
     def stop(self) -> int:

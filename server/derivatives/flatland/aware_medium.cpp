@@ -22,17 +22,21 @@ class MediumSum {
  public:
   MediumSum(const Scene& scene, const Source& source, const Settings& settings, const Vec2d& x, Ring ring)
       : scene_(scene),
+        source_(source),
         settings_(settings),
+        x_(x),
         ring_(std::move(ring)),
         constant_(settings.subtract ? source.value(x) : 0) {
     marches_.reserve(ring_.sights.size());
-    for (const Sight& sight : ring_.sights) march(source, x, sight);
+    for (const Sight& sight : ring_.sights) march(sight);
   }
 
   Estimate result() {
     for (size_t i = 0; i < ring_.sights.size(); ++i) {
       const size_t j = i + 1 < ring_.sights.size() ? i + 1 : 0;
       if (constant_ != 0) add_constant(ring_.sights[i], ring_.sights[j]);
+      if (settings_.sliding && ring_.sights[i].hit.surface != ring_.sights[j].hit.surface)
+        add_sliding_end(ring_.sights[i], ring_.sights[j]);
       const size_t common = std::min(marches_[i].size(), marches_[j].size());
       add_common_shells(i, j, common);
       if (marches_[i].size() > common) add_slanted_shells(i, j, common, false);
@@ -45,12 +49,12 @@ class MediumSum {
  private:
   double distance(size_t shell) const { return (static_cast<double>(shell) + 0.5) * settings_.march_step; }
 
-  void march(const Source& source, const Vec2d& x, const Sight& sight) {
+  void march(const Sight& sight) {
     std::vector<double>& march = marches_.emplace_back();
     for (size_t k = 0; distance(k) < sight.hit.distance; ++k) {
       const double weight =
           scene_.sigma_s() * settings_.march_step * transmittance(scene_.sigma_t(), distance(k));
-      const double q = source.value(x + sight.direction * distance(k));
+      const double q = source_.value(x_ + sight.direction * distance(k));
       march.push_back(weight * (q - constant_));
       if (sight.stratified) estimate_.stratified_mean += weight * q / settings_.samples;
     }
@@ -70,11 +74,18 @@ class MediumSum {
     const bool forward = to.hit.distance > from.hit.distance;
     const Sight& far = forward ? to : from;
     estimate_.mean += length_at(far) * factor * weight;
-    if (settings_.sliding && from.hit.surface != to.hit.surface) {
-      const double slope = weight * transmittance(scene_.sigma_t(), far.hit.distance) *
-                           distance_slope(far.hit, far.direction, scene_.line(far.hit.surface));
-      estimate_.mean += sliding_term(forward ? slope : -slope, factor);
-    }
+  }
+
+  /// The far end of a gap between surfaces slides, and with it the length of the rays that pass there: the
+  /// silhouettes' term of what is marched there, the constant part included.
+  void add_sliding_end(const Sight& from, const Sight& to) {
+    const bool forward = to.hit.distance > from.hit.distance;
+    const Sight& far = forward ? to : from;
+    // Just in front of the surface: on a light's own line its light is missing.
+    const double q = source_.value(x_ + far.direction * (far.hit.distance * (1 - 1e-6)));
+    const double slope = scene_.sigma_s() * q * transmittance(scene_.sigma_t(), far.hit.distance) *
+                         distance_slope(far.hit, far.direction, scene_.line(far.hit.surface));
+    estimate_.mean += sliding_term(forward ? slope : -slope, form_factor(from.offset(), to.offset()));
   }
 
   /// Shells that both rays reach: scaled copies of the unit shell, so that moments do (section 8.4).
@@ -135,7 +146,9 @@ class MediumSum {
   }
 
   const Scene& scene_;
+  const Source& source_;
   const Settings& settings_;
+  Vec2d x_;
   Ring ring_;
   double constant_;
   /// By ray: sigma_s (q - q0) T ds of each shell before the hit, at s_k = (k + 1/2) ds.
