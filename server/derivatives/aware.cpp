@@ -66,7 +66,8 @@ Aware::Aware(std::shared_ptr<const transport::World> world, const EstimatorSetti
 RadianceJet Aware::estimate(const Vec3f& x, uint32_t repeat, RayCounters& counters) const {
   const int32_t medium = world_->medium_at(x);
   RadianceJet sum;
-  if (settings_.order != Order::multiple) {
+  // Camera, x, light: two edges.
+  if (settings_.order != Order::multiple && (settings_.max_depth < 0 || settings_.max_depth >= 2)) {
     RandomStream random = random_at(x, settings_.seed, repeat, light_stream);
     lights_.add(x, medium, random, sum, counters);
   }

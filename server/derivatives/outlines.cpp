@@ -10,6 +10,53 @@ namespace {
 /// Weights closer than this share of the larger one aren't worth a silhouette.
 constexpr float least_difference = 0.01f;
 
+/// Neighbouring ends this close to each other's tangent planes, as a share of the distance, are on one
+/// surface.
+constexpr float flatness = 0.02f;
+/// A jump in depth by more than this factor is none of two surfaces that meet.
+constexpr float greatest_step = 1.5f;
+
+/// A ray's end and the tangent plane there, in as few bytes as the search for jumps needs.
+struct alignas(32) End {
+  Vec3f direction;
+  float distance;
+  Vec3f normal;
+  float height;  ///< normal . (distance * direction)
+};
+
+End make_end(const Vec3f& direction, const RayEnd& end) {
+  // Nothing is compared with what is not there.
+  const float distance = std::isfinite(end.distance) ? end.distance : 0;
+  return {direction, distance, end.normal, distance * glm::dot(end.normal, direction)};
+}
+
+/// How far an end lies behind (positive) or before another's tangent plane along its own line.
+struct PlaneOffset {
+  bool is_small = false;
+  bool is_before = false;
+};
+
+/// Of the end `b` and the plane at `a`. Planes that the line doesn't meet count as infinitely far away.
+inline PlaneOffset offset_from_plane(const End& a, const End& b) {
+  const float cosine = glm::dot(a.normal, b.direction);
+  // b.distance - a.height / cosine, times |cosine|.
+  const float offset = std::copysign(1.0f, cosine) * (b.distance * cosine - a.height);
+  const bool meets = a.height * cosine > 0;
+  return {meets && std::fabs(offset) <= flatness * b.distance * std::fabs(cosine), !meets || offset < 0};
+}
+
+/// Do two neighbouring ends lie on surfaces that meet between them, or is there a jump in depth?
+inline bool surfaces_meet(const End& a, const End& b) {
+  if (a.distance == 0 || b.distance == 0) return a.distance == b.distance;
+  const PlaneOffset of_b = offset_from_plane(a, b);
+  const PlaneOffset of_a = offset_from_plane(b, a);
+  // At an edge or in a corner both ends lie on the same side of the other's tangent plane; across a jump the
+  // far one lies behind the near one's and the near one before the far one's.
+  const bool same_side = of_a.is_before == of_b.is_before &&
+                         std::max(a.distance, b.distance) <= greatest_step * std::min(a.distance, b.distance);
+  return (of_a.is_small && of_b.is_small) || same_side;
+}
+
 struct Jump {
   uint32_t edge = 0;
   float motion = 0;  ///< how much light it moves
@@ -49,11 +96,13 @@ Outlines find_outlines(const SphereRays& rays, std::span<const float> weights, i
   const auto edges = rays.topology().edges();
   Outlines outlines;
   outlines.of_edge.assign(edges.size(), Outlines::none);
+  std::vector<End> ends(rays.ends().size());
+  for (size_t i = 0; i < ends.size(); ++i) ends[i] = make_end(lines.direction(i), rays.ends()[i]);
   std::vector<Jump> jumps;
   for (uint32_t e = 0; e < edges.size(); ++e) {
     const RayEnd& a = rays.ends()[edges[e].a];
     const RayEnd& b = rays.ends()[edges[e].b];
-    if (surfaces_meet(lines.direction(edges[e].a), a, lines.direction(edges[e].b), b)) continue;
+    if (surfaces_meet(ends[edges[e].a], ends[edges[e].b]) && a.is_mirrored == b.is_mirrored) continue;
     outlines.of_edge[e] = Outlines::unknown;
     if (a.is_mirrored || b.is_mirrored) continue;
     const float weight_a = weights[edges[e].a];

@@ -9,11 +9,6 @@ namespace {
 
 /// Mirrors that one line is followed through; beyond them a mirror's image counts as lying on it.
 constexpr size_t most_mirrors = 8;
-/// Neighbouring ends this close to each other's tangent planes, as a share of the distance, are on one
-/// surface.
-constexpr float flatness = 0.02f;
-/// A jump in depth by more than this factor is none of two surfaces that meet.
-constexpr float greatest_step = 1.5f;
 
 /// Number of a surface's side that faces one of the six directions of the axes.
 uint32_t surface_number(const scene::Hit& hit, const Vec3f& normal) {
@@ -26,38 +21,7 @@ uint32_t surface_number(const scene::Hit& hit, const Vec3f& normal) {
 
 Vec3f mirrored(const Vec3f& v, const Vec3f& normal) { return v - 2 * glm::dot(v, normal) * normal; }
 
-/// How far an end lies behind (positive) or before another's tangent plane along its own line.
-struct PlaneOffset {
-  bool is_small = false;
-  bool is_before = false;
-};
-
-/// Of the end `b` and the plane at `a`. Planes that the line doesn't meet count as infinitely far away.
-PlaneOffset offset_from_plane(const Vec3f& direction_a, const RayEnd& a, const Vec3f& direction_b,
-                              const RayEnd& b) {
-  const float here = glm::dot(a.normal, direction_a);
-  const float there = glm::dot(a.normal, direction_b);
-  if (!(here * there > 0)) return {false, true};
-  // b.distance - a.distance here / there, times |there|.
-  const float offset = std::copysign(1.0f, there) * (b.distance * there - a.distance * here);
-  return {std::fabs(offset) <= flatness * b.distance * std::fabs(there), offset < 0};
-}
-
 }  // namespace
-
-bool surfaces_meet(const Vec3f& direction_a, const RayEnd& a, const Vec3f& direction_b, const RayEnd& b) {
-  const bool a_ends = std::isfinite(a.distance);
-  const bool b_ends = std::isfinite(b.distance);
-  if (!a_ends || !b_ends) return a_ends == b_ends;
-  if (a.is_mirrored != b.is_mirrored) return false;
-  const PlaneOffset of_b = offset_from_plane(direction_a, a, direction_b, b);
-  const PlaneOffset of_a = offset_from_plane(direction_b, b, direction_a, a);
-  if (of_a.is_small && of_b.is_small) return true;
-  // At an edge or in a corner both ends lie on the same side of the other's tangent plane; across a jump the
-  // far one lies behind the near one's and the near one before the far one's.
-  return of_a.is_before == of_b.is_before &&
-         std::max(a.distance, b.distance) <= greatest_step * std::min(a.distance, b.distance);
-}
 
 bool SphereRays::is_mirror(uint32_t shape) const {
   const transport::Bsdf& bsdf = lines_.world().bsdf(shape);

@@ -26,9 +26,6 @@ struct RayEnd {
   static constexpr uint32_t nothing = 0xffffffff;
 };
 
-/// Do the ends of two neighbouring lines lie on surfaces that meet between them, or is there a jump in depth?
-bool surfaces_meet(const Vec3f& direction_a, const RayEnd& a, const Vec3f& direction_b, const RayEnd& b);
-
 /// One trace of a grid of directions. For one thread; reusable.
 class SphereRays {
  public:
