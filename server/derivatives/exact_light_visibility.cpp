@@ -6,7 +6,7 @@
 #include <queue>
 #include <vector>
 
-#include "derivatives/light_rays.h"
+#include "derivatives/sightlines.h"
 
 namespace fogbank::derivatives {
 
@@ -220,11 +220,10 @@ class VisibleLight {
     const double kernel = std::numbers::inv_pi / 4 * point.area * cosine / (squared * distance);
     Vec3d value = Vec3d(point.radiance) * kernel;
     if (may_cross_) {
-      MediaPath path;
-      LightRays(world_, Vec3f(x_), medium_, counters_).trace({&r, 1}, false, {&path, 1});
-      // At a silhouette rounding may take the point for blocked.
-      if (path.blocked()) path.surfaces = Spectrum(1);
-      const RadianceJet transmittance = path.towards(r);
+      Sightlines lines(world_);
+      lines.start(Vec3f(x_), medium_);
+      lines.append_to_points({&r, 1}, counters_);
+      const RadianceJet transmittance = lines.path(0).towards(r);
       for (int c = 0; c < 3; ++c) value[c] *= transmittance.channels[static_cast<size_t>(c)].value;
     } else if (medium_ != scene::none) {
       for (int c = 0; c < 3; ++c)

@@ -11,11 +11,11 @@ namespace fogbank::derivatives {
 struct VisibilityPrecision {
   /// Places on each scan line that are asked for visibility. A blocker that lies between two may be missed; a
   /// gap between two blockers is found.
-  int32_t places = 64;
+  int32_t places = 48;
   /// Of the result, for the integral over scan lines.
-  double tolerance = 1e-7;
+  double tolerance = 1e-6;
   /// Scan lines at most: outlines with many corners use them up.
-  int32_t most_lines = 2000;
+  int32_t most_lines = 1000;
 };
 
 /// 1/(4 pi) times the integral of L T cos / l^2 over the part of light `light` that x sees, per channel.

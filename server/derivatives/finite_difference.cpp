@@ -2,33 +2,37 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
+#include <vector>
 
 #include "core/sampling.h"
 #include "derivatives/correlated_light.h"
 #include "derivatives/difference_stencil.h"
 #include "derivatives/exact_light_visibility.h"
-#include "derivatives/light_rays.h"
 #include "derivatives/plan_request.h"
 #include "derivatives/random_at.h"
+#include "derivatives/sightlines.h"
 
 namespace fogbank::derivatives {
 
 namespace {
 
-/// Steps to begin with, as a share of the scene's radius: with noise a small step drowns in it.
+/// Steps to begin with, as a share of the median distance to the surfaces around: with noise a small step
+/// drowns in it.
 constexpr double exact_step = 0.01;
 constexpr double noisy_step = 0.03;
 constexpr int32_t exact_halvings = 9;
 constexpr int32_t noisy_halvings = 2;
+constexpr double settled = 1e-3;
 /// No step is longer than this share of the distance to the nearest surface, found by this many rays.
 constexpr double clearance_share = 0.25;
-constexpr int32_t clearance_side = 16;
+constexpr int32_t look_side = 16;
 /// Of settings.samples.
 constexpr int32_t more_samples = 64;
 constexpr int32_t most_directions = 1 << 22;
 
-enum Stream : uint32_t { stencil_stream, clearance_stream };
+enum Stream : uint32_t { stencil_stream, surroundings_stream };
 
 /// Fluence / (4 pi) of a delta light: K V T.
 Vec3d delta_light(const transport::World& world, const transport::Light& light, const Vec3d& x,
@@ -38,10 +42,15 @@ Vec3d delta_light(const transport::World& world, const transport::Light& light, 
   const bool infinite = light.at_infinity();
   const Vec3d u(sample->direction);
   const Vec3d r = infinite ? u : Vec3d(light.bounds().center) - x;
-  MediaPath path;
-  LightRays(world, Vec3f(x), medium, counters).trace({&r, 1}, infinite, {&path, 1});
-  if (path.blocked()) return Vec3d(0);
-  const RadianceJet transmittance = infinite ? path.towards_infinity(u) : path.towards(r);
+  Sightlines lines(world);
+  lines.start(Vec3f(x), medium);
+  if (infinite) {
+    lines.append({&sample->direction, 1}, {&infinity, 1}, counters);
+  } else {
+    lines.append_to_points({&r, 1}, counters);
+  }
+  if (lines.is_blocked(0)) return Vec3d(0);
+  const RadianceJet transmittance = infinite ? lines.path(0).towards_infinity(u) : lines.path(0).towards(r);
   // The sample's irradiance is in single precision; its fall with distance can be had in double.
   const double distance = sample->distance;
   const double fall = infinite ? 1 : distance * distance / glm::dot(r, r);
@@ -50,18 +59,26 @@ Vec3d delta_light(const transport::World& world, const transport::Light& light, 
   return value;
 }
 
-double clearance(const transport::World& world, const Vec3f& x, RandomStream& random, RayCounters& counters) {
-  float nearest = infinity;
-  for (int32_t cell = 0; cell < clearance_side * clearance_side; ++cell) {
+/// Distances to the surfaces around x.
+struct Surroundings {
+  double nearest = std::numeric_limits<double>::infinity();
+  double median = 0;  ///< of those that are finite; 0 where none is
+};
+
+Surroundings look_around(const transport::World& world, const Vec3f& x, RandomStream& random,
+                         RayCounters& counters) {
+  std::vector<double> distances;
+  for (int32_t cell = 0; cell < look_side * look_side; ++cell) {
     const Vec2f jitter = random.next_vec2();
-    const Vec2f u =
-        (Vec2f(cell % clearance_side, cell / clearance_side) + jitter) / static_cast<float>(clearance_side);
+    const Vec2f u = (Vec2f(cell % look_side, cell / look_side) + jitter) / static_cast<float>(look_side);
     scene::Hit hit;
     ++counters.closest_hit;
     if (world.scene().intersector->intersect({x, square_to_uniform_sphere(u), infinity}, hit))
-      nearest = std::fmin(nearest, hit.distance);
+      distances.push_back(hit.distance);
   }
-  return nearest;
+  if (distances.empty()) return {};
+  std::sort(distances.begin(), distances.end());
+  return {distances.front(), distances[distances.size() / 2]};
 }
 
 }  // namespace
@@ -94,14 +111,16 @@ RadianceJet FiniteDifference::estimate(const Vec3f& x, uint32_t repeat, RayCount
   };
 
   RandomStream stencil = random_at(x, settings_.seed, repeat, stencil_stream);
-  RandomStream around = random_at(x, settings_.seed, 0, clearance_stream);
-  const double radius = world_->scene().bounds.radius > 0 ? world_->scene().bounds.radius : 1;
-  const double longest = clearance_share * clearance(*world_, x, around, counters);
+  RandomStream around = random_at(x, settings_.seed, 0, surroundings_stream);
+  const Surroundings surroundings = look_around(*world_, x, around, counters);
+  double scale = surroundings.median;
+  if (scale == 0) scale = world_->scene().bounds.radius > 0 ? world_->scene().bounds.radius : 1;
+  const double longest = clearance_share * surroundings.nearest;
   const bool with_hessian = settings_.derivatives == DerivativeOrder::hessian;
   const bool with_any = settings_.derivatives != DerivativeOrder::value;
   const auto differences = [&](const ValueFunction& function, double share, int32_t halvings) {
     if (with_any)
-      return central_differences(function, Vec3d(x), {std::min(share * radius, longest), halvings, 1e-4},
+      return central_differences(function, Vec3d(x), {std::min(share * scale, longest), halvings, settled},
                                  with_hessian, stencil);
     RadianceJet result;
     const ValueBatches batches = function(Vec3d(x));

@@ -4,10 +4,10 @@
 #include <optional>
 
 #include "core/sampling.h"
-#include "derivatives/light_rays.h"
 #include "derivatives/light_surface.h"
 #include "derivatives/plan_request.h"
 #include "derivatives/random_at.h"
+#include "derivatives/sightlines.h"
 #include "derivatives/transmittance_jet.h"
 
 namespace fogbank::derivatives {
@@ -20,11 +20,8 @@ constexpr double least_share = 1e-4;
 constexpr double least_cosine = 1e-6;
 /// Of settings.samples, for one shadow ray to each emitter.
 constexpr int32_t directions_per_shadow_ray = 5;
-/// March points along a direction in one medium, up to where transmittance falls below 1e-4.
-constexpr int32_t march_steps = 16;
-constexpr float most_optical_depth = 9.2f;
-/// More boundaries than this along a direction end it: a guard against surfaces that coincide.
-constexpr int most_boundaries = 256;
+/// Points along a direction in each medium, as many as the other method takes of a noisy source.
+constexpr int32_t march_strata = 4;
 
 enum Stream : uint32_t { light_stream, sphere_stream, march_stream };
 
@@ -113,42 +110,55 @@ void Unaware::add_lights(Gather& gather) const {
   const transport::LightReceiver receiver{
       gather.at, Vec3f(0), gather.medium == scene::none ? 0 : world_->medium(gather.medium).mean_sigma_t};
   const auto budget = static_cast<float>(settings_.samples / directions_per_shadow_ray * emitters_);
-  const LightRays rays(*world_, gather.at, gather.medium, gather.counters);
+  Sightlines lines(*world_);
+  std::vector<Vec3d> targets;
+  std::vector<Vec3f> directions;
+  std::vector<Spectrum> values;
   for (uint32_t index = 0; index < world_->lights().size(); ++index) {
     if (plan_.treatment(index) == transport::LightTreatment::left_out) continue;
     const transport::Light& light = world_->lights().light(index);
-    const transport::LightShape shape = light.shape();
     const int32_t side = light.is_delta()
                              ? 1
                              : std::max(1, static_cast<int32_t>(std::lround(std::sqrt(
                                                budget * world_->lights().probability(receiver, index)))));
     const float share = 1.0f / static_cast<float>(side);
+    targets.clear();
+    directions.clear();
+    values.clear();
     for (int32_t cell = 0; cell < side * side; ++cell) {
       const Vec2f jitter = random.next_vec2();
       const Vec2f u = glm::min((Vec2f(cell % side, cell / side) + jitter) * share, Vec2f(one_minus_epsilon));
       const std::optional<transport::LightSample> sample = light.sample(gather.at, u);
       if (!sample || is_black(sample->radiance)) continue;
       const Spectrum value = sample->radiance * (inv_4pi * share * share / sample->pdf);
-      if (!is_finite(value)) continue;
-      const Vec3d u_direction(sample->direction);
-      const Vec3d target =
-          light.at_infinity() ? u_direction : u_direction * static_cast<double>(sample->distance);
-      MediaPath path;
-      rays.trace({&target, 1}, light.at_infinity(), {&path, 1});
-      if (path.blocked()) continue;
+      if (!is_finite(value) || !(sample->distance > 0)) continue;
+      values.push_back(value);
+      directions.push_back(sample->direction);
+      targets.push_back(Vec3d(sample->direction) * static_cast<double>(sample->distance));
+    }
+    lines.start(gather.at, gather.medium);
+    if (light.at_infinity()) {
+      lines.append(directions, {&infinity, 1}, gather.counters);
+    } else {
+      lines.append_to_points(targets, gather.counters);
+    }
+    const transport::LightShape shape = light.shape();
+    for (size_t i = 0; i < values.size(); ++i) {
+      if (lines.is_blocked(i)) continue;
       if (light.at_infinity()) {
         gather.add(
-            value, [] { return Jet3d::constant(1); }, path.towards_infinity(u_direction));
+            values[i], [] { return Jet3d::constant(1); },
+            lines.path(i).towards_infinity(Vec3d(directions[i])));
         continue;
       }
-      const Vec3d r = gather.kept_apart(target);
+      const Vec3d r = gather.kept_apart(targets[i]);
       gather.add(
-          value,
+          values[i],
           [&] {
             return light.is_delta() ? relative_power(r, 2)
-                                    : relative_surface_kernel(r, light_normal(shape, gather.x + target));
+                                    : relative_surface_kernel(r, light_normal(shape, gather.x + targets[i]));
           },
-          path.towards(r));
+          lines.path(i).towards(r));
     }
   }
 }
@@ -157,70 +167,61 @@ void Unaware::add_sphere(Gather& gather) const {
   RandomStream random = random_at(gather.at, settings_.seed, gather.repeat, sphere_stream);
   const auto side = static_cast<int32_t>(std::lround(std::sqrt(static_cast<float>(settings_.samples))));
   const float share = 1.0f / static_cast<float>(side);
+  std::vector<Vec3f> directions;
   for (int32_t cell = 0; cell < side * side; ++cell) {
     const Vec2f jitter = random.next_vec2();
-    const Vec3f direction = square_to_uniform_sphere(
-        glm::min((Vec2f(cell % side, cell / side) + jitter) * share, Vec2f(one_minus_epsilon)));
-    add_direction(gather, direction, share * share, random);
+    directions.push_back(square_to_uniform_sphere(
+        glm::min((Vec2f(cell % side, cell / side) + jitter) * share, Vec2f(one_minus_epsilon))));
   }
-}
-
-void Unaware::add_direction(Gather& gather, const Vec3f& direction, float share, RandomStream& random) const {
-  const scene::Scene& scene = world_->scene();
-  const auto sigma_t_of = [this](int32_t medium) {
-    return medium == scene::none ? Spectrum(0) : world_->medium(medium).sigma_t;
-  };
-  Ray ray{gather.at, direction, infinity};
-  int32_t medium = gather.medium;
-  float travelled = 0;
-  MediaPath path{.surfaces = Spectrum(1), .sigma_t = sigma_t_of(medium), .boundaries = {}};
-  for (int passed = 0; passed < most_boundaries; ++passed) {
-    scene::Hit hit;
-    ++gather.counters.closest_hit;
-    const bool found = scene.intersector->intersect(ray, hit);
-    if (medium != scene::none && plan_.shells())
-      march(gather, direction, {travelled, found ? hit.distance : infinity, medium}, share, path);
-    if (!found) return;
-    const scene::SurfaceInteraction surface = scene.interaction(ray, hit);
-    travelled += hit.distance;
-    if (!world_->is_null(hit.shape)) {
-      if (!plan_.reflected() && !plan_.mirrors()) return;
-      const Spectrum value =
-          share * paths_.scattered_radiance(surface, direction, medium, 1, random, gather.counters);
-      if (is_black(value) || !is_finite(value)) return;
-      const Vec3d r = gather.kept_apart(Vec3d(direction) * static_cast<double>(travelled));
-      gather.add(
-          value, [&] { return relative_surface_kernel(r, Vec3d(surface.geometric_normal)); },
-          path.towards(r));
-      return;
-    }
-    const int32_t beyond = world_->medium_beyond(surface, direction, medium);
-    if (beyond != medium)
-      path.boundaries.push_back({Vec3d(direction) * static_cast<double>(travelled),
-                                 Vec3d(surface.geometric_normal), sigma_t_of(beyond)});
-    medium = beyond;
-    ray.origin = surface.spawn_origin(direction);
-  }
-}
-
-void Unaware::march(Gather& gather, const Vec3f& direction, const Stretch& stretch, float share,
-                    const MediaPath& path) const {
-  const transport::MediumInfo& medium = world_->medium(stretch.medium);
-  if (is_black(medium.sigma_s)) return;
-  const float least_sigma = min_component(medium.sigma_t);
-  const float length =
-      least_sigma > 0 ? std::fmin(stretch.length, most_optical_depth / least_sigma) : stretch.length;
-  if (!std::isfinite(length)) return;
-  const float step = length / march_steps;
-  for (int32_t k = 0; k < march_steps; ++k) {
-    const float distance = stretch.begin + (static_cast<float>(k) + gather.march_phase) * step;
-    const Spectrum value = share * step * medium.sigma_s *
-                           paths_.mean_radiance(gather.at + direction * distance, stretch.medium, 1,
-                                                gather.march_random, gather.counters);
+  Sightlines lines(*world_);
+  lines.start(gather.at, gather.medium);
+  lines.append(directions, {&infinity, 1}, gather.counters, &random);
+  for (size_t line = 0; line < lines.size(); ++line) {
+    if (plan_.shells()) march(gather, lines, line, share * share);
+    if (!lines.is_blocked(line) || !(plan_.reflected() || plan_.mirrors())) continue;
+    const scene::SurfaceInteraction surface = lines.surface(line);
+    const Spectrum value = share * share *
+                           paths_.scattered_radiance(surface, lines.direction(line), lines.last_medium(line),
+                                                     1, random, gather.counters);
     if (is_black(value) || !is_finite(value)) continue;
-    const Vec3d r = gather.kept_apart(Vec3d(direction) * static_cast<double>(distance));
+    const Vec3d r =
+        gather.kept_apart(Vec3d(lines.direction(line)) * static_cast<double>(lines.distance(line)));
     gather.add(
-        value, [&] { return relative_power(r, 2); }, path.towards(r));
+        value, [&] { return relative_surface_kernel(r, Vec3d(surface.geometric_normal)); },
+        lines.path(line).towards(r));
+  }
+}
+
+void Unaware::march(Gather& gather, const Sightlines& lines, size_t line, float share) const {
+  const Vec3f& direction = lines.direction(line);
+  const std::span<const Crossing> crossings = lines.crossings(line);
+  MediaPath path = lines.path(line);
+  for (size_t stretch = crossings.size() + 1; stretch-- > 0;) {
+    const float begin = stretch > 0 ? crossings[stretch - 1].distance : 0;
+    const float end = stretch < crossings.size() ? crossings[stretch].distance : lines.distance(line);
+    const int32_t medium = stretch > 0 ? crossings[stretch - 1].medium : lines.medium();
+    // What lies behind the stretch is none of its business.
+    path.surfaces = stretch > 0 ? crossings[stretch - 1].through : Spectrum(1);
+    while (!path.boundaries.empty() &&
+           glm::length(path.boundaries.back().position) > static_cast<double>(begin) * (1 + 1e-6))
+      path.boundaries.pop_back();
+    if (medium == scene::none || is_black(world_->medium(medium).sigma_s)) continue;
+    const transport::MediumInfo& info = world_->medium(medium);
+    // Strata of equal mean transmittance.
+    const float opacity = -std::expm1(-info.mean_sigma_t * (end - begin));
+    for (int32_t k = 0; k < march_strata; ++k) {
+      const float u = (static_cast<float>(k) + gather.march_phase) / march_strata;
+      const float t = -std::log1p(-u * opacity) / info.mean_sigma_t;
+      const float pdf = info.mean_sigma_t * std::exp(-info.mean_sigma_t * t) / opacity;
+      const float distance = begin + t;
+      const Spectrum value = (share / (march_strata * pdf)) * info.sigma_s *
+                             paths_.mean_radiance(gather.at + direction * distance, medium, 1,
+                                                  gather.march_random, gather.counters);
+      if (is_black(value) || !is_finite(value)) continue;
+      const Vec3d r = gather.kept_apart(Vec3d(direction) * static_cast<double>(distance));
+      gather.add(
+          value, [&] { return relative_power(r, 2); }, path.towards(r));
+    }
   }
 }
 

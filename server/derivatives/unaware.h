@@ -10,7 +10,7 @@
 #include <memory>
 
 #include "derivatives/estimator.h"
-#include "derivatives/media_path.h"
+#include "derivatives/sightlines.h"
 #include "transport/path_tracer.h"
 #include "transport/plan.h"
 
@@ -20,26 +20,18 @@ class Unaware final : public Estimator {
  public:
   /// Each light gets settings.samples / 5 shadow rays (about the rays of the other method's light grid and
   /// its bisections) by its share of the fluence, surfaces settings.samples directions, the medium
-  /// march points along each of those.
+  /// four points along each of those.
   Unaware(std::shared_ptr<const transport::World> world, const EstimatorSettings& settings);
 
   RadianceJet estimate(const Vec3f& x, uint32_t repeat, RayCounters& counters) const override;
 
  private:
   struct Gather;
-  struct Stretch {
-    float begin = 0;
-    float length = 0;
-    int32_t medium = scene::none;
-  };
 
   void add_lights(Gather& gather) const;
   void add_sphere(Gather& gather) const;
-  /// What arrives along one direction, weighted by `share` (1 / number of directions).
-  void add_direction(Gather& gather, const Vec3f& direction, float share, RandomStream& random) const;
-  /// Light from a stretch of a direction within one medium, behind the boundaries of `path`.
-  void march(Gather& gather, const Vec3f& direction, const Stretch& stretch, float share,
-             const MediaPath& path) const;
+  /// Light from the medium along one line, weighted by `share` (1 / number of lines).
+  void march(Gather& gather, const Sightlines& lines, size_t line, float share) const;
 
   std::shared_ptr<const transport::World> world_;
   EstimatorSettings settings_;

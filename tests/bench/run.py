@@ -1,6 +1,7 @@
 """Measures what the README promises, prints tables and writes out/bench/*.json.
 
-    python -m tests.bench.run [comparison] [embree] [loading] [serving] [form_factors]      all of them by default
+    python -m tests.bench.run [comparison] [embree] [loading] [serving] [form_factors] [derivatives]
+                              [leaving_out]      all of them by default
 
 Figures depend on the machine and on what else it does; ratios, of runs that take turns, much less. See the modules for
 what exactly is measured.
@@ -18,7 +19,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tests.bench import comparison, embree_share, engines, form_factors, loading, serving
+from tests.bench import comparison, derivatives, embree_share, engines, form_factors, loading, records, serving
 
 
 def processor() -> str:
@@ -46,7 +47,7 @@ def main() -> None:
     """Runs the parts that were asked for."""
     arguments = argparse.ArgumentParser(description="Fogbank's benchmarks")
     arguments.add_argument(
-        "parts", nargs="*", metavar="PART", help="comparison, embree, loading, serving, form_factors, records"
+        "parts", nargs="*", metavar="PART", help="comparison, embree, loading, serving, form_factors, ..."
     )
     arguments.add_argument("--scene", action="append", help="only this scene (comparison, embree, records)")
     arguments.add_argument("--scale", type=float, default=1, help="of the images' sides")
@@ -55,6 +56,7 @@ def main() -> None:
         "--mitsuba-rr-depth", type=int, help="where its roulette begins; as the scenes say by default"
     )
     arguments.add_argument("--rounds", type=int, default=8, help="rounds of the comparison")
+    arguments.add_argument("--points", type=int, default=100, help="points of the derivatives in each scene")
     arguments.add_argument("--threads", type=int, default=os.cpu_count(), help="threads of Fogbank's engine")
     options = arguments.parse_args()
     cases = [case for case in comparison.cases() if not options.scene or case.name in options.scene]
@@ -98,6 +100,16 @@ def main() -> None:
         save("records", results)
         return records.table(results)
 
+    def run_derivatives() -> str:
+        lines = derivatives.compare(options.points, samples=1024)
+        save("derivatives", lines)
+        return "\n".join(lines)
+
+    def run_leaving_out() -> str:
+        results = derivatives.measure_leaving_out()
+        save("leaving_out", results)
+        return derivatives.leaving_out_table(results)
+
     parts: dict[str, Callable[[], str]] = {
         "comparison": run_comparison,
         "embree": run_embree,
@@ -105,6 +117,8 @@ def main() -> None:
         "serving": run_serving,
         "form_factors": run_form_factors,
         "records": run_records,
+        "derivatives": run_derivatives,
+        "leaving_out": run_leaving_out,
     }
     unknown = set(options.parts) - set(parts)
     if unknown:

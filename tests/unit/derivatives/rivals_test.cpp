@@ -3,16 +3,15 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <map>
 #include <memory>
 
 #include "core/random.h"
 #include "derivatives/estimator.h"
 #include "derivatives/penumbra_reference.h"
+#include "derivatives/text_scene.h"
 #include "derivatives/transmittance_jet.h"
 #include "derivatives/triangle_form_factor.h"
 #include "scene/loader.h"
-#include "scene/memory_files.h"
 
 namespace fogbank::derivatives {
 namespace {
@@ -25,23 +24,8 @@ std::shared_ptr<const World> load(const std::string& root, const std::string& fi
 }
 
 std::shared_ptr<const World> parse(const std::string& sigma_t, const std::string& body) {
-  scene::prepare_render_thread();
-  const std::string xml =
-      R"(<scene version="3.0.0"><medium type="homogeneous" id="fog"><rgb name="sigma_t" value=")" + sigma_t +
-      R"("/><rgb name="albedo" value="0.5"/></medium>
-      <sensor type="perspective"><ref name="medium" id="fog"/></sensor>)" +
-      body + "</scene>";
-  return std::make_shared<const World>(scene::load_scene(
-      "scene.xml",
-      std::make_shared<scene::test::MemoryFiles>(std::map<std::string, std::string>{{"scene.xml", xml}}),
-      {}));
+  return test::world_in_fog(sigma_t, "0.5", body);
 }
-
-/// Emits downwards from z = 2: |x| <= 1, |y| <= 1.
-const std::string ceiling_light = R"(<shape type="rectangle">
-    <transform name="to_world"><rotate x="1" angle="180"/><translate z="2"/></transform>
-    <bsdf type="diffuse"><rgb name="reflectance" value="0"/></bsdf>
-    <emitter type="area"><rgb name="radiance" value="1, 2, 3"/></emitter></shape>)";
 
 EstimatorSettings direct_only(int32_t samples, int32_t repeats) {
   EstimatorSettings settings;
@@ -78,7 +62,7 @@ Jet3d ceiling_form_factor(const Vec3d& x) {
 /// Differences lose 1e-7 (single-precision rays don't matter here, but steps are only 1e-2 of the scene) to
 /// truncation in the gradient, and about as much relative to the step squared in the Hessian.
 TEST(FiniteDifference, UnoccludedRectangleWithoutExtinction) {
-  const auto world = parse("0", ceiling_light);
+  const auto world = parse("0", test::ceiling_light);
   for (const Vec3d x : {Vec3d(0, 0, 0), Vec3d(0.5, -0.3, 1), Vec3d(2, 1, -1), Vec3d(-0.9, 0.9, 1.7)}) {
     const PointEstimate found = estimate(world, "finite-difference", direct_only(16, 2), x);
     const Jet3d expected = ceiling_form_factor(Vec3d(Vec3f(x)));
