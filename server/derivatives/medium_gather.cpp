@@ -14,16 +14,11 @@ namespace {
 /// golden ratio and of the plastic number).
 constexpr double stratum_turn = 0.6180339887498949;
 constexpr double ray_turn = 0.7548776662466927;
-/// The medium close to the point is looked at no farther out than this share of the way to a surface.
-constexpr double near_share = 0.75;
+/// The first stratum around the point is parted here, so that its outer part has a sample of its own.
+constexpr double near_share = 0.7;
 /// Samples stop short of the surfaces and boundaries that end a stretch by this share of the way, or rounding
 /// would put some of them behind.
 constexpr double inside_share = 1 - 1e-4;
-/// The constant that is subtracted is measured with one sample for every four rays: its noise is then two
-/// thirds of what the samples closest to the point bring into the Hessian.
-constexpr size_t rays_per_constant_sample = 4;
-constexpr size_t least_constant_samples = 16;
-
 Vec3d transmittances(const Vec3d& sigma_t, double distance) {
   return {transmittance(sigma_t.x, distance), transmittance(sigma_t.y, distance),
           transmittance(sigma_t.z, distance)};
@@ -40,12 +35,6 @@ void keep_finite(Jet3d& jet) {
 
 }  // namespace
 
-Spectrum MediumGather::source_at(const MediumRecord& record, size_t ray, double distance, int32_t medium,
-                                 RandomStream& random, RayCounters& counters) const {
-  const Vec3f y = record.x + Vec3f(record.rays[ray].direction * distance);
-  return source_.mean_radiance(y, medium, random, counters);
-}
-
 void MediumGather::march_stretch(MediumRecord& record, size_t ray, size_t index, std::span<const double> ends,
                                  double phase, RandomStream& random, RayCounters& counters) const {
   const MediumStretch& stretch = record.rays[ray].stretches[index];
@@ -58,33 +47,53 @@ void MediumGather::march_stretch(MediumRecord& record, size_t ray, size_t index,
       before *= transmittances(Vec3d(world_.medium(passed.medium).sigma_t), passed.end - passed.begin);
   }
   const double length = record.end(stretch.end) - stretch.begin;
+  const auto look = [&](double begin, double end, size_t stratum, bool near) {
+    // Rays out of step: what a march with coarse strata misses then differs from ray to ray and cancels,
+    // instead of being an error common to them all.
+    const double turned =
+        phase + static_cast<double>(stratum) * stratum_turn + static_cast<double>(ray) * ray_turn;
+    const DistanceSample drawn = sample_stratum(sigma_t, begin, end, turned - std::floor(turned));
+    const double within = std::min(drawn.distance, length * inside_share);
+    MediumSample sample{stretch.begin + within, static_cast<uint32_t>(index), near,
+                        before * Vec3d(medium.sigma_s) * transmittances(sigma_t, within) * drawn.inverse_pdf,
+                        Vec3d(0)};
+    if (sample.weight == Vec3d(0)) return;
+    const Vec3f y = record.x + Vec3f(record.rays[ray].direction * sample.distance);
+    sample.source = Vec3d(source_.mean_radiance(y, stretch.medium, random, counters));
+    record.samples.push_back(sample);
+    if (near) record.nearby[ray] = {sample.distance, end, sample.source};
+  };
   double begin = 0;
   for (size_t k = 0; k < ends.size() && begin < length; ++k) {
     const double end = std::min(ends[k], length);
-    // Rays out of step: what a march with coarse strata misses then differs from ray to ray and cancels,
-    // instead of being an error common to them all.
-    const double turned = phase + static_cast<double>(k) * stratum_turn + static_cast<double>(ray) * ray_turn;
-    const DistanceSample drawn = sample_stratum(sigma_t, begin, end, turned - std::floor(turned));
-    const double within = std::min(drawn.distance, length * inside_share);
-    MediumSample sample{stretch.begin + within, static_cast<uint32_t>(index), index == 0 && k == 0,
-                        before * Vec3d(medium.sigma_s) * transmittances(sigma_t, within) * drawn.inverse_pdf,
-                        Vec3d(0)};
+    const bool near = index == 0 && k == 0;
+    if (near) {
+      look(0, near_share * end, ends.size(), true);
+      begin = near_share * end;
+    }
+    look(begin, end, k, near);
     begin = end;
-    if (sample.weight == Vec3d(0)) continue;
-    sample.source = Vec3d(source_at(record, ray, sample.distance, stretch.medium, random, counters));
-    record.samples.push_back(sample);
   }
 }
 
-double MediumGather::march(MediumRecord& record, RandomStream& random, RayCounters& counters) const {
+void MediumGather::march(MediumRecord& record, RandomStream& random, RayCounters& counters) const {
   const auto phase = static_cast<double>(random.next_float());
   double extent = 0;
-  for (size_t i = 0; i < record.rays.size(); ++i) extent = std::max(extent, record.first_end(i));
+  double mean_extent = 0;
+  for (size_t i = 0; i < record.rays.size(); ++i) {
+    extent = std::max(extent, record.first_end(i));
+    mean_extent += record.first_end(i) / static_cast<double>(record.rays.size());
+  }
+  const double densest = std::max({record.sigma_t.x, record.sigma_t.y, record.sigma_t.z});
   std::vector<double> around;
   if (record.sigma_s != Vec3d(0)) {
     around = source_.exact()
                  ? marching_strata(record.sigma_t, extent, settings_.optical_step, settings_.steps)
-                 : importance_strata(record.sigma_t, extent, settings_.noisy_strata);
+                 : importance_strata(
+                       record.sigma_t, extent,
+                       std::min(settings_.noisy_first * mean_extent, settings_.optical_step / densest),
+                       settings_.noisy_strata);
+    record.nearby.resize(record.rays.size());
   }
   for (size_t i = 0; i < record.rays.size(); ++i) {
     record.first.push_back(record.samples.size());
@@ -104,36 +113,46 @@ double MediumGather::march(MediumRecord& record, RandomStream& random, RayCounte
       march_stretch(record, i, j,
                     source_.exact()
                         ? marching_strata(sigma_t, length, settings_.optical_step, settings_.steps)
-                        : importance_strata(sigma_t, length,
+                        : importance_strata(sigma_t, length, 0,
                                             1 + static_cast<int>(share * (settings_.noisy_strata - 1))),
                     phase, random, counters);
     }
   }
   record.first.push_back(record.samples.size());
-  return around.empty() ? 0 : around.front();
 }
 
-void MediumGather::look_nearby(MediumRecord& record, double first_stratum, RandomStream& random,
-                               RayCounters& counters) const {
-  const size_t samples =
-      source_.exact() ? 1 : std::max(record.rays.size() / rays_per_constant_sample, least_constant_samples);
-  for (size_t i = 0; i < samples; ++i)
-    record.constant += Vec3d(source_.mean_radiance(record.x, record.medium, random, counters));
-  record.constant /= static_cast<double>(samples);
-  record.nearby.resize(record.rays.size());
+void MediumGather::subtract_linear_source(MediumRecord& record, RandomStream& random,
+                                          RayCounters& counters) const {
+  // Least squares over the samples around the point, directions being uniform: the source's value there, as
+  // the intercept over the square of the distance (its mean over directions has no other term of low order),
+  // and its gradient.
+  double count = 0;
+  std::array<double, 2> powers{};  // of the squared distance
+  std::array<Vec3d, 2> sums{Vec3d(0), Vec3d(0)};
+  for (const MediumSample& sample : record.samples) {
+    if (!sample.near) continue;
+    const double square = sample.distance * sample.distance;
+    ++count;
+    powers[0] += square;
+    powers[1] += square * square;
+    sums[0] += sample.source;
+    sums[1] += square * sample.source;
+  }
+  if (source_.exact()) {
+    record.constant = Vec3d(source_.mean_radiance(record.x, record.medium, random, counters));
+  } else {
+    const double determinant = count * powers[1] - powers[0] * powers[0];
+    record.constant = determinant > 0 ? (powers[1] * sums[0] - powers[0] * sums[1]) / determinant
+                                      : sums[0] / std::max(count, 1.0);
+  }
   double squares = 0;
   for (size_t i = 0; i < record.rays.size(); ++i) {
-    const double end = record.first_end(i);
-    NearbySample& nearby = record.nearby[i];
-    nearby.length = std::min(first_stratum, end);
-    nearby.distance = std::min(first_stratum, near_share * end);
-    nearby.source = Vec3d(source_at(record, i, nearby.distance, record.medium, random, counters));
+    const NearbySample& nearby = record.nearby[i];
     const Vec3d offset = record.rays[i].direction * nearby.distance;
     for (int c = 0; c < 3; ++c)
       record.slope[static_cast<size_t>(c)] += (nearby.source[c] - record.constant[c]) * offset;
     squares += glm::dot(offset, offset);
   }
-  // Least squares, directions being uniform.
   for (Vec3d& slope : record.slope) slope *= squares > 0 ? 3 / squares : 0;
 }
 
@@ -144,10 +163,10 @@ RadianceJet MediumGather::gather(const Vec3f& x, std::span<const MediumRay> rays
   RadianceJet result;
   if (rays.empty()) return result;
   MediumRecord record(world_, x, rays, triangles, outlines);
-  const double first_stratum = march(record, random, counters);
+  march(record, random, counters);
   if (record.samples.empty()) return result;
   if (order != DerivativeOrder::value) {
-    if (first_stratum > 0) look_nearby(record, first_stratum, random, counters);
+    if (!record.nearby.empty()) subtract_linear_source(record, random, counters);
     result = record.derivatives();
   }
   const Vec3d value = record.value();

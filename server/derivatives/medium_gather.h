@@ -44,14 +44,17 @@ struct RayOutline {
 struct MediumRecord;
 
 struct MediumGatherSettings {
-  /// March of sources that are free of noise (method.md section 17): strata in mean free paths, and as a
-  /// share of the longest way.
+  /// Longest strata in mean free paths (method.md section 17).
   double optical_step = 0.25;
+  /// March of sources that are free of noise: strata in the longest way.
   int32_t steps = 32;
-  /// Strata of equal transmittance along a ray where every sample of the source is a noisy path. The noise of
-  /// the Hessian grows as the inverse width of the first one, for all of them together it falls only as the
-  /// square root (method.md section 8.3); four make that 0.29 mean free paths in thick media.
+  /// Strata of sources whose every sample is a noisy path: none holds more than this share of a ray's
+  /// importance. The noise of the Hessian grows as the inverse length of the first one, for all of them
+  /// together it falls only as the square root (method.md section 8.3).
   int32_t noisy_strata = 4;
+  /// The first of those ends at this share of the mean way to a surface, unless that is more than
+  /// `optical_step`: what the source does within is taken for quadratic.
+  double noisy_first = 0.125;
 };
 
 /// Gathers for one world and source; immutable, one instance serves all threads.
@@ -71,14 +74,11 @@ class MediumGather {
                      DerivativeOrder order, RandomStream& random, RayCounters& counters) const;
 
  private:
-  /// Returns the length of the first stratum around the point, 0 where that medium doesn't scatter.
-  double march(MediumRecord& record, RandomStream& random, RayCounters& counters) const;
+  void march(MediumRecord& record, RandomStream& random, RayCounters& counters) const;
   void march_stretch(MediumRecord& record, size_t ray, size_t stretch, std::span<const double> ends,
                      double phase, RandomStream& random, RayCounters& counters) const;
-  void look_nearby(MediumRecord& record, double first_stratum, RandomStream& random,
-                   RayCounters& counters) const;
-  Spectrum source_at(const MediumRecord& record, size_t ray, double distance, int32_t medium,
-                     RandomStream& random, RayCounters& counters) const;
+  /// Determines the linear source that samples are measured against.
+  void subtract_linear_source(MediumRecord& record, RandomStream& random, RayCounters& counters) const;
 
   const transport::World& world_;
   const MediumSource& source_;

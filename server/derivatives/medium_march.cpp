@@ -43,23 +43,34 @@ std::vector<double> marching_strata(const Vec3d& sigma_t, double extent, double 
   return ends;
 }
 
-std::vector<double> importance_strata(const Vec3d& sigma_t, double extent, int count) {
+std::vector<double> importance_strata(const Vec3d& sigma_t, double extent, double first, int count) {
+  constexpr double growth = 3;
   std::vector<double> ends;
   const auto cumulative = [&](double distance) {
     return (share_before(sigma_t.x, distance, extent) + share_before(sigma_t.y, distance, extent) +
             share_before(sigma_t.z, distance, extent)) /
            3;
   };
-  double below = 0;
-  for (int k = 1; k < count; ++k) {
+  double begin = 0;
+  double before = 0;
+  for (double end = first; end > begin && end < extent; end *= growth) {
+    const double importance = cumulative(end) - before;
+    if (begin > 0 && importance > 1.0 / count) break;
+    ends.push_back(end);
+    begin = end;
+    before += importance;
+  }
+  const int rest = std::max(1, static_cast<int>(std::ceil((1 - before) * count)));
+  double below = begin;
+  for (int k = 1; k < rest; ++k) {
     double above = extent;
-    const double target = static_cast<double>(k) / count;
+    const double target = before + (1 - before) * k / rest;
     // Half of the digits will do for a boundary.
     for (int i = 0; i < 60 && above - below > 1e-8 * above; ++i) {
       const double middle = 0.5 * (below + above);
       (cumulative(middle) < target ? below : above) = middle;
     }
-    if (below > (ends.empty() ? 0.0 : ends.back())) ends.push_back(below);
+    if (below > begin) ends.push_back(begin = below);
   }
   ends.push_back(extent);
   return ends;

@@ -13,9 +13,11 @@ namespace fogbank::derivatives {
 /// `sigma_t` >= 0 per channel, 1/u.
 std::vector<double> marching_strata(const Vec3d& sigma_t, double extent, double optical_step, int steps);
 
-/// `count` strata of equal importance, which is transmittance, of equal weight for all channels: fewest
-/// samples where each of them is dear and noisy.
-std::vector<double> importance_strata(const Vec3d& sigma_t, double extent, int count);
+/// Fewest strata where every sample is dear and noisy. The first one ends at `first` (0: no such), for
+/// derivatives, which weigh samples by up to their squared inverse distance; from there on each is thrice as
+/// far as the one before, up to where it would hold more than 1/`count` of all importance, which is
+/// transmittance, of equal weight for all channels. The rest is shared out in equal parts of at most that.
+std::vector<double> importance_strata(const Vec3d& sigma_t, double extent, double first, int count);
 
 struct DistanceSample {
   double distance = 0;

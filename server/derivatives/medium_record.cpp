@@ -91,7 +91,7 @@ ShellMoments<double> MediumRecord::moments(size_t ray, double until, int channel
   }
   double gradient_0 = sums[0];
   double gradient_1 = sums[1];
-  if (!nearby.empty()) {
+  if (!nearby.empty() && nearby[ray].distance > 0) {
     // Around the point what is left of the source is an odd part, which only the gradient sees, and a
     // quadratic one, which only the Hessian sees: over all directions everything else cancels. One look from
     // afar gives both without the noise, inverse to the distance, of samples close by.

@@ -16,7 +16,8 @@ struct MediumSample {
   Vec3d source{0};  ///< q
 };
 
-/// The source close to the point, along one ray: at `distance`, standing for all up to `length`.
+/// The source close to the point, along one ray: the outermost sample of the first stratum, at `distance`,
+/// standing for all of it, up to `length`. 0 all where there is none.
 struct NearbySample {
   double distance = 0;
   double length = 0;

@@ -42,12 +42,26 @@ TEST(MarchingStrata, CoverTheWayInShortSteps) {
 }
 
 TEST(ImportanceStrata, ShareOutTransmittance) {
-  const std::vector<double> ends = importance_strata(Vec3d(2), 1e4, 4);
+  const std::vector<double> ends = importance_strata(Vec3d(2), 1e4, 0, 4);
   expect_strata(ends, 1e4);
   ASSERT_EQ(ends.size(), 4u);
   for (int k = 1; k < 4; ++k) EXPECT_NEAR(std::exp(-2 * ends[static_cast<size_t>(k - 1)]), 1 - k / 4.0, 1e-6);
-  for (const Vec3d& sigma_t : extinctions)
-    for (const double extent : {1e-3, 1.0, 1e4}) expect_strata(importance_strata(sigma_t, extent, 5), extent);
+}
+
+TEST(ImportanceStrata, BeginSmallAndGrow) {
+  const std::vector<double> ends = importance_strata(Vec3d(0), 1, 0.01, 4);
+  expect_strata(ends, 1);
+  const double first[] = {0.01, 0.03, 0.09};
+  for (size_t k = 0; k < 3; ++k) EXPECT_NEAR(ends[k], first[k], 1e-12);
+  for (const Vec3d& sigma_t : extinctions) {
+    for (const double extent : {1e-3, 1.0, 1e4}) {
+      for (const double share : {0.0, 1e-4, 0.125, 1.0}) {
+        const std::vector<double> strata = importance_strata(sigma_t, extent, share * extent, 5);
+        expect_strata(strata, extent);
+        EXPECT_LE(strata.size(), 16u);
+      }
+    }
+  }
 }
 
 /// The mean over `u` of a function times `inverse_pdf` is its integral: what makes values unbiased.
