@@ -23,13 +23,13 @@ constexpr std::array<double, 8> kronrod{0.022935322010529225, 0.0630920926299785
 constexpr std::array<double, 8> gauss{0, 0.129484966168869693, 0, 0.279705391489276668,
                                       0, 0.381830050505118945, 0, 0.417959183673469388};
 /// Halvings of the step between two places: single-precision rays don't tell more apart.
-constexpr int bisections = 26;
+constexpr int bisections = 20;
 /// Pieces subtend about this angle or less (rad); the integrand is smooth over such.
 constexpr double piece_angle = 0.5;
 constexpr int32_t most_pieces = 64;
 
 /// As many are spent on looking for a gap between two blockers.
-constexpr int gap_bisections = 12;
+constexpr int gap_bisections = 8;
 /// Shadow rays stop short of the light by this share of their length, as World::visibility does.
 constexpr double shadow_share = 1.0 - 1e-4;
 /// More surfaces than this along one ray count as opaque: a guard against surfaces that coincide.
