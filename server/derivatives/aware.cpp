@@ -55,7 +55,7 @@ Aware::Aware(std::shared_ptr<const transport::World> world, const EstimatorSetti
     : world_(std::move(world)),
       settings_(settings),
       plan_(*world_, plan_request(settings)),
-      lights_(*world_, settings),
+      lights_(*world_, plan_, settings),
       sphere_(world_, plan_, settings),
       source_(std::make_unique<PathTracedSource>(
           std::make_shared<transport::PathTracer>(world_,

@@ -1,194 +1,122 @@
 #include "derivatives/grid_assembly.h"
 
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 
+#include "derivatives/light_triangles.h"
 #include "derivatives/triangle_form_factor.h"
 
 namespace fogbank::derivatives {
 
 namespace {
 
-/// Visible triangles wider than this are split for the transmittance (ratio-records.md section 2.2).
-constexpr double widest_cell = 0.2;
-/// ... as often as this at the most: a cell seen under half the sphere takes 8 halvings of its edges.
-constexpr int most_splits = 16;
-/// Bound on the correction of the derivatives' scale: beyond it the farthest rule's sum is all noise.
-constexpr double largest_ratio = 4;
-
 constexpr double four_pi = 4 * std::numbers::pi;
-
-RadianceJet mean_of(const RadianceJet& a, const RadianceJet& b) {
-  RadianceJet sum = a;
-  sum += b;
-  sum *= 0.5;
-  return sum;
-}
-
-RadianceJet mean_of(const RadianceJet& a, const RadianceJet& b, const RadianceJet& c) {
-  RadianceJet sum = a;
-  sum += b;
-  sum += c;
-  sum *= 1.0 / 3;
-  return sum;
-}
-
-/// A point of the light with the transmittance towards it.
-struct Vertex {
-  Vec3d position;
-  RadianceJet transmittance;
-};
 
 class Assembly {
  public:
   Assembly(const SeenGrid& seen, const EstimatorSettings& settings, RadianceJet& sum)
-      : grid_(seen.grid), seen_(seen), settings_(settings), sum_(sum) {
-    transmittances_.resize(grid_.vertices.size());
-    for (size_t i = 0; i < grid_.vertices.size(); ++i) {
-      if (seen.visible[i] != 0) transmittances_[i] = towards(seen.paths[i], grid_.vertices[i]);
+      : seen_(seen),
+        grid_(seen.grid()),
+        settings_(settings),
+        triangles_(grid_, seen.sigma_t(), settings.derivatives),
+        sum_(sum),
+        vertices_(grid_.vertices.size()) {
+    for (uint32_t i = 0; i < vertices_.size(); ++i) {
+      if (seen.visible(i)) vertices_[i] = {grid_.vertices[i], seen.transmittance(i, grid_.vertices[i])};
     }
   }
 
   bool derivatives() const { return settings_.derivatives != DerivativeOrder::value; }
   bool hessian() const { return settings_.derivatives == DerivativeOrder::hessian; }
-
-  RadianceJet towards(const MediaPath& path, const Vec3d& target) const {
-    return grid_.at_infinity ? path.towards_infinity(target) : path.towards(target);
-  }
-  Vertex vertex(uint32_t index) const { return {grid_.vertices[index], transmittances_[index]}; }
-  const RadianceJet& transmittance(uint32_t index) const { return transmittances_[index]; }
-  Vertex on(const Crossing& crossing) const {
-    return {crossing.far, towards(seen_.paths[crossing.visible_vertex], crossing.far)};
+  const LightVertex& vertex(uint32_t index) const { return vertices_[index]; }
+  int visible_corners(const LightGrid::Triangle& triangle) const {
+    int count = 0;
+    for (const uint32_t index : triangle.vertices) count += seen_.visible(index) ? 1 : 0;
+    return count;
   }
 
-  /// Form factor of a triangle on the light. Lights at infinity have no parallax.
-  Jet3d form_factor(const Vec3d& a, const Vec3d& b, const Vec3d& c) const {
-    const auto triangle = RelativeTriangle<double>::from_relative(a, b, c);
-    if (grid_.at_infinity || !derivatives()) return Jet3d::constant(triangle_form_factor(triangle));
-    return triangle_form_factor_jet(triangle);
-  }
-
-  void add(const Jet3d& form_factor, const RadianceJet& transmittance, const Spectrum& radiance) const {
-    for (size_t c = 0; c < 3; ++c) {
-      const double weight = radiance[static_cast<int>(c)];
-      if (weight != 0) sum_.channels[c] += (form_factor * transmittance.channels[c]) * weight;
-    }
-  }
-
-  /// A wholly visible triangle; `path` leads to one of its points.
-  void add_visible(const Vertex& a, const Vertex& b, const Vertex& c, const MediaPath& path, bool same_path,
-                   const Spectrum& radiance, int splits = 0) const {
-    if (same_path && splits < most_splits) {
-      const auto split = [&](const Vertex& from, const Vertex& to, const Vertex& opposite) {
-        Vertex middle;
-        middle.position = (from.position + to.position) * 0.5;
-        middle.transmittance = towards(path, middle.position);
-        add_visible(from, middle, opposite, path, true, radiance, splits + 1);
-        add_visible(middle, to, opposite, path, true, radiance, splits + 1);
-      };
-      const double ab = cosine(a, b);
-      const double bc = cosine(b, c);
-      const double ca = cosine(c, a);
-      const double least = std::min({ab, bc, ca});
-      if (least < std::cos(widest_cell)) {
-        if (least == ab) return split(a, b, c);
-        if (least == bc) return split(b, c, a);
-        return split(c, a, b);
-      }
-    }
-    add(form_factor(a.position, b.position, c.position),
-        mean_of(a.transmittance, b.transmittance, c.transmittance), radiance);
-  }
-
-  /// A triangle of grid vertices, all visible.
   void add_visible(const LightGrid::Triangle& triangle) const {
     const auto& [a, b, c] = triangle.vertices;
-    const MediaPath& path = seen_.paths[a];
-    add_visible(vertex(a), vertex(b), vertex(c), path, splittable(triangle), triangle.radiance);
+    triangles_.add_triangle(vertices_[a], vertices_[b], vertices_[c], in_one_medium(triangle),
+                            triangle.radiance, sum_);
   }
-
-  /// Whether the transmittance varies over the triangle and one path serves all of it.
-  bool splittable(const LightGrid::Triangle& triangle) const {
-    if (grid_.at_infinity) return false;
-    bool uniform = true;
-    bool clear = true;
-    for (const uint32_t index : triangle.vertices) {
-      if (seen_.visible[index] == 0) continue;
-      uniform = uniform && seen_.paths[index].uniform();
-      clear = clear && is_black(seen_.paths[index].sigma_t);
-    }
-    return uniform && !clear;
-  }
-
   void add_cut(const LightGrid::Triangle& triangle, const std::array<int32_t, 3>& edge_crossings,
-               const std::vector<Crossing>& crossings) const;
-  void add_round_edge(const LightGrid::RoundEdge& edge) const;
+               const std::vector<OutlinePoint>& crossings) const;
+  /// The farthest rule on a triangle with visible and blocked vertices. Returns the value of the mean rule.
+  Vec3d add_mixed(const LightGrid::Triangle& triangle, double far_distance) const;
+  void add_round_edges() const;
 
  private:
-  static double cosine(const Vertex& a, const Vertex& b) {
-    const double lengths = glm::length(a.position) * glm::length(b.position);
-    return lengths > 0 ? glm::dot(a.position, b.position) / lengths : 1;
+  bool in_one_medium(const LightGrid::Triangle& triangle) const {
+    return std::all_of(triangle.vertices.begin(), triangle.vertices.end(),
+                       [&](uint32_t index) { return !seen_.visible(index) || seen_.in_one_medium(index); });
+  }
+  LightVertex on(const OutlinePoint& crossing) const {
+    return {crossing.far, seen_.transmittance(crossing.visible_vertex, crossing.far)};
   }
 
   /// The strip between an outline on the light (from `first` to `second`, the visible part on the left as
   /// directions go counter-clockwise) and the same outline on the blocker. Its radial edges have no terms.
-  void add_strip(const Vertex& first, const Vertex& second, const Crossing& near_first,
-                 const Crossing& near_second, const LightGrid::Triangle& triangle) const;
-  /// Section 6.4 (a).
-  void add_sliding(const Vertex& first, const Vertex& second, const Jet3d& strip,
+  void add_strip(const LightVertex& first, const LightVertex& second, const OutlinePoint& near_first,
+                 const OutlinePoint& near_second, const LightGrid::Triangle& triangle) const;
+  /// Section 6.4 (a), for a slope of the weight in any direction: the outline moves over the light by
+  /// v = -kappa dx (across the line of sight, radians), so that the strip's mean weight changes by
+  /// v . slope / 2. With the slope across the outline alone, as in section 6.4, it is the form given there.
+  void add_sliding(const LightVertex& first, const LightVertex& second, double kappa, const Jet3d& strip,
                    const LightGrid::Triangle& triangle) const;
   /// Section 6.4 (b): the outline of a blocker and the border of the light, `along_border` in the direction
   /// in which the visible part's border is traversed; `arriving` on the light's border.
-  void add_corner(const Vertex& corner, const Crossing& crossing, const Vec3d& along_border,
+  void add_corner(const LightVertex& corner, const OutlinePoint& crossing, const Vec3d& along_border,
                   const Vec3d& along_silhouette, bool arriving, const Spectrum& radiance) const;
 
-  const LightGrid& grid_;
   const SeenGrid& seen_;
+  const LightGrid& grid_;
   const EstimatorSettings& settings_;
+  LightTriangles triangles_;
   RadianceJet& sum_;
-  std::vector<RadianceJet> transmittances_;
+  std::vector<LightVertex> vertices_;
 };
 
-void Assembly::add_strip(const Vertex& first, const Vertex& second, const Crossing& near_first,
-                         const Crossing& near_second, const LightGrid::Triangle& triangle) const {
+void Assembly::add_strip(const LightVertex& first, const LightVertex& second, const OutlinePoint& near_first,
+                         const OutlinePoint& near_second, const LightGrid::Triangle& triangle) const {
   const auto edge = [](const Vec3d& a, const Vec3d& b) {
     return edge_term(ScaledVector<double, 3>(a), ScaledVector<double, 3>(b), b - a);
   };
   Jet3d strip = edge(near_first.near, near_second.near);
   if (!grid_.at_infinity) strip -= edge(first.position, second.position);
-  add(strip, mean_of(first.transmittance, second.transmittance), triangle.radiance);
-  if (settings_.sliding && hessian() && !grid_.at_infinity) add_sliding(first, second, strip, triangle);
+  LightTriangles::add(strip, mean_of(first.transmittance, second.transmittance), triangle.radiance, sum_);
+  if (!settings_.sliding || !hessian() || grid_.at_infinity) return;
+  const double kappa =
+      2 / glm::length(near_first.near + near_second.near) - 2 / glm::length(first.position + second.position);
+  add_sliding(first, second, kappa, strip, triangle);
 }
 
-void Assembly::add_sliding(const Vertex& first, const Vertex& second, const Jet3d& strip,
-                           const LightGrid::Triangle& triangle) const {
+void Assembly::add_sliding(const LightVertex& first, const LightVertex& second, double kappa,
+                           const Jet3d& strip, const LightGrid::Triangle& triangle) const {
   const Vec3d middle = (first.position + second.position) * 0.5;
-  const Vec3d u = glm::normalize(middle);
-  const Vec3d across = glm::cross(u, second.position - first.position);
-  const double length = glm::length(across);
-  const double angle = length / glm::length(middle);
+  const double distance = glm::length(middle);
+  const Vec3d u = middle / distance;
   const auto& [a, b, c] = triangle.vertices;
   const Vec3d normal =
       glm::cross(grid_.vertices[b] - grid_.vertices[a], grid_.vertices[c] - grid_.vertices[a]);
   const double facing = glm::dot(normal, u);
-  if (!(angle > 0) || facing == 0) return;
-  // Distance on the light's plane changes by -d (n.m)/(n.u) per radian towards m.
-  const Vec3d towards_light = across / length;
-  const double slide = -glm::length(middle) * glm::dot(normal, towards_light) / facing;
-  const Symmetric3d outer = Symmetric3d::outer(strip.gradient);
+  if (facing == 0) return;
+  // Change of the distance to the light's plane per radian, as a vector across the line of sight.
+  const Vec3d slide = (normal - u * facing) * (-distance / facing);
+  const Symmetric3d turn = Symmetric3d::outer_sum(strip.gradient, slide) * (-0.5 * kappa);
   const RadianceJet transmittance = mean_of(first.transmittance, second.transmittance);
   for (size_t channel = 0; channel < 3; ++channel) {
-    // gradT = -T' u along the line of sight.
     const double per_distance = -glm::dot(transmittance.channels[channel].gradient, u);
-    const double slope = per_distance * slide * triangle.radiance[static_cast<int>(channel)];
-    sum_.channels[channel].hessian += outer * (-four_pi * slope / angle);
+    sum_.channels[channel].hessian +=
+        turn * (per_distance * static_cast<double>(triangle.radiance[static_cast<int>(channel)]));
   }
 }
 
-void Assembly::add_corner(const Vertex& corner, const Crossing& crossing, const Vec3d& along_border,
+void Assembly::add_corner(const LightVertex& corner, const OutlinePoint& crossing, const Vec3d& along_border,
                           const Vec3d& along_silhouette, bool arriving, const Spectrum& radiance) const {
   const double far = glm::length(corner.position);
   const double near = glm::length(crossing.near);
-  if (!(near > 0)) return;
   const double kappa = 1 / near - (grid_.at_infinity ? 0 : 1 / far);
   const Vec3d u = corner.position / far;
   // a(e) of section 6.4 is the edge turned clockwise, e x u.
@@ -209,7 +137,7 @@ void Assembly::add_corner(const Vertex& corner, const Crossing& crossing, const 
 }
 
 void Assembly::add_cut(const LightGrid::Triangle& triangle, const std::array<int32_t, 3>& edge_crossings,
-                       const std::vector<Crossing>& crossings) const {
+                       const std::vector<OutlinePoint>& crossings) const {
   // The odd vertex is visible among blocked ones or the reverse; its two edges are crossed.
   size_t odd = 0;
   for (size_t i = 0; i < 3; ++i) {
@@ -218,23 +146,23 @@ void Assembly::add_cut(const LightGrid::Triangle& triangle, const std::array<int
   const uint32_t o = triangle.vertices[odd];
   const uint32_t p = triangle.vertices[(odd + 1) % 3];
   const uint32_t q = triangle.vertices[(odd + 2) % 3];
-  const Crossing& on_op = crossings[static_cast<size_t>(edge_crossings[odd])];
-  const Crossing& on_oq = crossings[static_cast<size_t>(edge_crossings[(odd + 2) % 3])];
-  const Vertex f_op = on(on_op);
-  const Vertex f_oq = on(on_oq);
-  const bool split = splittable(triangle);
-  const bool odd_visible = seen_.visible[o] != 0;
+  const OutlinePoint& on_op = crossings[static_cast<size_t>(edge_crossings[odd])];
+  const OutlinePoint& on_oq = crossings[static_cast<size_t>(edge_crossings[(odd + 2) % 3])];
+  const LightVertex f_op = on(on_op);
+  const LightVertex f_oq = on(on_oq);
+  const bool uniform = in_one_medium(triangle);
+  const bool odd_visible = seen_.visible(o);
   if (odd_visible) {
-    add_visible(vertex(o), f_op, f_oq, seen_.paths[o], split, triangle.radiance);
+    triangles_.add_triangle(vertices_[o], f_op, f_oq, uniform, triangle.radiance, sum_);
   } else {
-    add_visible(f_op, vertex(p), vertex(q), seen_.paths[p], split, triangle.radiance);
-    add_visible(f_op, vertex(q), f_oq, seen_.paths[q], split, triangle.radiance);
+    triangles_.add_triangle(f_op, vertices_[p], vertices_[q], uniform, triangle.radiance, sum_);
+    triangles_.add_triangle(f_op, vertices_[q], f_oq, uniform, triangle.radiance, sum_);
   }
-  if (!derivatives()) return;
-  const Vertex& first = odd_visible ? f_op : f_oq;
-  const Vertex& second = odd_visible ? f_oq : f_op;
-  const Crossing& near_first = odd_visible ? on_op : on_oq;
-  const Crossing& near_second = odd_visible ? on_oq : on_op;
+  if (!derivatives() || !on_op.has_blocker || !on_oq.has_blocker) return;
+  const LightVertex& first = odd_visible ? f_op : f_oq;
+  const LightVertex& second = odd_visible ? f_oq : f_op;
+  const OutlinePoint& near_first = odd_visible ? on_op : on_oq;
+  const OutlinePoint& near_second = odd_visible ? on_oq : on_op;
   add_strip(first, second, near_first, near_second, triangle);
   if (!settings_.corners || !hessian()) return;
   const Vec3d along_silhouette = second.position - first.position;
@@ -246,18 +174,45 @@ void Assembly::add_cut(const LightGrid::Triangle& triangle, const std::array<int
     add_corner(second, near_second, odd_visible ? qo : op, along_silhouette, false, triangle.radiance);
 }
 
-void Assembly::add_round_edge(const LightGrid::RoundEdge& edge) const {
-  double share = 0;
-  RadianceJet weight;
-  for (const uint32_t index : edge.vertices) {
-    if (seen_.visible[index] == 0) continue;
-    share += 0.5;
-    weight += transmittances_[index];
+Vec3d Assembly::add_mixed(const LightGrid::Triangle& triangle, double far_distance) const {
+  std::array<Vec3d, 3> positions;
+  Vec3d transmittance(0);
+  uint32_t farthest = triangle.vertices[0];
+  double farthest_distance = -1;
+  for (size_t i = 0; i < 3; ++i) {
+    const uint32_t index = triangle.vertices[i];
+    const bool visible = seen_.visible(index);
+    double distance = grid_.at_infinity ? far_distance : glm::length(grid_.vertices[index]);
+    if (!visible) distance = std::min(distance, seen_.blocker_distance(index));
+    positions[i] = glm::normalize(grid_.vertices[index]) * distance;
+    for (int c = 0; visible && c < 3; ++c)
+      transmittance[c] += vertices_[index].transmittance.channels[static_cast<size_t>(c)].value;
+    if (distance > farthest_distance || (distance == farthest_distance && visible)) {
+      farthest_distance = distance;
+      farthest = index;
+    }
   }
-  if (share == 0) return;
-  const Symmetric3d bend = Symmetric3d::outer(edge.outward) * (0.5 * edge.bend / four_pi);
-  for (size_t c = 0; c < 3; ++c)
-    sum_.channels[c].hessian += bend * (weight.channels[c].value * edge.radiance[static_cast<int>(c)]);
+  if (derivatives() && seen_.visible(farthest)) {
+    const auto slanted = RelativeTriangle<double>::from_relative(positions[0], positions[1], positions[2]);
+    LightTriangles::add(triangle_form_factor_jet(slanted), vertices_[farthest].transmittance,
+                        triangle.radiance, sum_);
+  }
+  const auto& [a, b, c] = triangle.vertices;
+  const double form_factor =
+      triangles_.form_factor(grid_.vertices[a], grid_.vertices[b], grid_.vertices[c]).value;
+  return transmittance * Vec3d(triangle.radiance) * (form_factor / 3);
+}
+
+void Assembly::add_round_edges() const {
+  for (const LightGrid::RoundEdge& edge : grid_.round_edges) {
+    for (const uint32_t index : edge.vertices) {
+      if (!seen_.visible(index)) continue;
+      const Symmetric3d bend = Symmetric3d::outer(edge.outward) * (0.5 * edge.bend / four_pi);
+      for (size_t c = 0; c < 3; ++c)
+        sum_.channels[c].hessian +=
+            bend * (vertices_[index].transmittance.channels[c].value * edge.radiance[static_cast<int>(c)]);
+    }
+  }
 }
 
 }  // namespace
@@ -265,71 +220,30 @@ void Assembly::add_round_edge(const LightGrid::RoundEdge& edge) const {
 void add_cut_grid(const SeenGrid& seen, const Silhouettes& silhouettes, const EstimatorSettings& settings,
                   RadianceJet& sum) {
   const Assembly assembly(seen, settings, sum);
-  for (size_t t = 0; t < seen.grid.triangles.size(); ++t) {
-    const LightGrid::Triangle& triangle = seen.grid.triangles[t];
-    int visible = 0;
-    for (const uint32_t index : triangle.vertices) visible += seen.visible[index];
+  for (size_t t = 0; t < seen.grid().triangles.size(); ++t) {
+    const LightGrid::Triangle& triangle = seen.grid().triangles[t];
+    const int visible = assembly.visible_corners(triangle);
     if (visible == 3) assembly.add_visible(triangle);
     if (visible == 1 || visible == 2)
       assembly.add_cut(triangle, silhouettes.of_triangle[t], silhouettes.crossings);
   }
-  if (!assembly.hessian()) return;
-  for (const LightGrid::RoundEdge& edge : seen.grid.round_edges) assembly.add_round_edge(edge);
+  if (assembly.hessian()) assembly.add_round_edges();
 }
 
-void add_plain_grid(const SeenGrid& seen, const std::vector<double>& blockers, double far_distance,
-                    const EstimatorSettings& settings, RadianceJet& sum) {
-  const LightGrid& grid = seen.grid;
-  RadianceJet plain;  // the farthest rule's sum
+void add_plain_grid(const SeenGrid& seen, double far_distance, const EstimatorSettings& settings,
+                    RadianceJet& sum) {
+  RadianceJet plain;
   const Assembly assembly(seen, settings, plain);
-  std::array<double, 3> mean{};
-  for (const LightGrid::Triangle& triangle : grid.triangles) {
-    size_t visible = 0;
-    for (const uint32_t index : triangle.vertices) visible += seen.visible[index];
-    if (visible == 0) continue;
-    RadianceJet before = plain;
-    if (visible == 3) {
-      assembly.add_visible(triangle);
-      for (size_t c = 0; c < 3; ++c) mean[c] += plain.channels[c].value - before.channels[c].value;
-      continue;
-    }
-    std::array<Vec3d, 3> positions;
-    RadianceJet transmittance;
-    uint32_t farthest = triangle.vertices[0];
-    double farthest_distance = -1;
-    for (size_t i = 0; i < 3; ++i) {
-      const uint32_t index = triangle.vertices[i];
-      const bool is_visible = seen.visible[index] != 0;
-      double distance = grid.at_infinity ? far_distance : glm::length(grid.vertices[index]);
-      if (is_visible) {
-        transmittance += assembly.transmittance(index);
-      } else {
-        distance = std::min(distance, blockers[index]);
-      }
-      positions[i] = glm::normalize(grid.vertices[index]) * distance;
-      if (distance > farthest_distance || (distance == farthest_distance && is_visible)) {
-        farthest_distance = distance;
-        farthest = index;
-      }
-    }
-    const auto& [a, b, c] = triangle.vertices;
-    const double third = assembly.form_factor(grid.vertices[a], grid.vertices[b], grid.vertices[c]).value / 3;
-    for (size_t channel = 0; channel < 3; ++channel)
-      mean[channel] += third * transmittance.channels[channel].value *
-                       static_cast<double>(triangle.radiance[static_cast<int>(channel)]);
-    if (assembly.derivatives() && seen.visible[farthest] != 0)
-      assembly.add(triangle_form_factor_jet(
-                       RelativeTriangle<double>::from_relative(positions[0], positions[1], positions[2])),
-                   assembly.transmittance(farthest), triangle.radiance);
+  for (const LightGrid::Triangle& triangle : seen.grid().triangles) {
+    if (assembly.visible_corners(triangle) == 3) assembly.add_visible(triangle);
   }
-  if (assembly.hessian()) {
-    for (const LightGrid::RoundEdge& edge : grid.round_edges) assembly.add_round_edge(edge);
+  Vec3d mean(plain.channels[0].value, plain.channels[1].value, plain.channels[2].value);
+  for (const LightGrid::Triangle& triangle : seen.grid().triangles) {
+    const int visible = assembly.visible_corners(triangle);
+    if (visible == 1 || visible == 2) mean += assembly.add_mixed(triangle, far_distance);
   }
-  for (size_t c = 0; c < 3; ++c) {
-    Jet3d& channel = plain.channels[c];
-    if (channel.value > 0) channel *= std::min(mean[c] / channel.value, largest_ratio);
-    channel.value = mean[c];
-  }
+  if (assembly.hessian()) assembly.add_round_edges();
+  for (int c = 0; c < 3; ++c) plain.channels[static_cast<size_t>(c)].value = mean[c];
   sum += plain;
 }
 

@@ -1,19 +1,20 @@
 // Direct light at a point of a medium from everything that emits, with derivatives that see what blocks it.
 #pragma once
 
+#include "derivatives/delta_lights.h"
 #include "derivatives/estimator.h"
 #include "derivatives/light_grid.h"
 
 namespace fogbank::derivatives {
 
-/// Every light of the scene is counted here once, by its emission alone: whoever gathers what surfaces
-/// reflect leaves emission out. Lights with an extent have a grid of their own (method.md section 7) with
-/// silhouettes bisected if `settings.bisect`. Blockers that none of a grid's rays meets are missed: cells per
-/// side are `light_cells(settings.samples)`. Immutable; serves all threads.
+/// Every light that the plan treats by closed form or by a grid is counted here once, by its emission alone;
+/// constant environments are the sphere grid's. Lights with an extent have a grid of their own (method.md
+/// section 7) with silhouettes bisected if `settings.bisect`. Blockers that none of a grid's rays meets are
+/// missed: cells per side are `light_cells(settings.samples)`. Immutable; serves all threads.
 class LightGather {
  public:
-  /// Throws nothing. `world` must outlive it.
-  LightGather(const transport::World& world, const EstimatorSettings& settings);
+  /// Throws nothing. `world` and `plan` must outlive it.
+  LightGather(const transport::World& world, const transport::Plan& plan, const EstimatorSettings& settings);
 
   /// Adds mean incoming radiance at `x`, a point inside `medium` (scene::none: vacuum). Finite for all finite
   /// x; draws only from `random`.
@@ -21,14 +22,12 @@ class LightGather {
            RayCounters& counters) const;
 
  private:
-  void add_grid(const LightGrid& grid, const Vec3f& x, int32_t medium, RadianceJet& sum,
-                RayCounters& counters) const;
-
   const transport::World& world_;
+  const transport::Plan& plan_;
   EstimatorSettings settings_;
-  int32_t cells_;
   double far_distance_;
-  std::vector<GriddedLightPointer> lights_;
+  std::vector<PlannedLight> lights_;
+  DeltaLights delta_lights_;
 };
 
 /// Cells along a side of a light's grid: a quarter of the side of the sphere grid, at least 2 (method.md

@@ -1,5 +1,7 @@
 #include "derivatives/light_grids/patch.h"
 
+#include <numbers>
+
 namespace fogbank::derivatives {
 
 std::vector<Vec2d> patch_points(int32_t columns, int32_t rows, bool slide_border, RandomStream& random) {
@@ -44,26 +46,20 @@ void append_patch_triangles(int32_t columns, int32_t rows, uint32_t first, bool 
   }
 }
 
-Spectrum mean_radiance(const scene::Texture& texture, const Vec2f& a, const Vec2f& b, const Vec2f& c) {
-  if (texture.is_constant()) return texture.evaluate(a);
-  constexpr int parts = 4;
-  Spectrum sum(0);
-  const auto add = [&](float u, float v) { sum += texture.evaluate(a + (b - a) * u + (c - a) * v); };
-  for (int i = 0; i < parts; ++i) {
-    for (int j = 0; i + j < parts; ++j) {
-      add((static_cast<float>(i) + 1.0f / 3) / parts, (static_cast<float>(j) + 1.0f / 3) / parts);
-      if (i + j + 1 < parts)
-        add((static_cast<float>(i) + 2.0f / 3) / parts, (static_cast<float>(j) + 2.0f / 3) / parts);
-    }
-  }
-  return sum * (1.0f / (parts * parts));
+Vec2d square_to_disk(const Vec2d& u) {
+  const double a = 2 * u.x - 1;
+  const double b = 2 * u.y - 1;
+  if (a == 0 && b == 0) return {0, 0};
+  constexpr double quarter = std::numbers::pi / 4;
+  const bool wide = std::fabs(a) > std::fabs(b);
+  const double radius = wide ? a : b;
+  const double angle = wide ? quarter * (b / a) : 2 * quarter - quarter * (a / b);
+  return {radius * std::cos(angle), radius * std::sin(angle)};
 }
 
-void set_radiance(const scene::Texture& texture, const std::vector<Vec2f>& uvs, LightGrid& grid) {
-  for (LightGrid::Triangle& triangle : grid.triangles) {
-    const auto& [a, b, c] = triangle.vertices;
-    triangle.radiance = mean_radiance(texture, uvs[a], uvs[b], uvs[c]);
-  }
+double disk_border_radius(int32_t n) {
+  const double step = std::numbers::pi / (2 * n);
+  return std::sqrt(step / std::sin(step));
 }
 
 }  // namespace fogbank::derivatives

@@ -1,6 +1,8 @@
 // Structured patches of (columns + 1) x (rows + 1) vertices, which most kinds of lights are made of.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "core/random.h"
@@ -16,10 +18,42 @@ std::vector<Vec2d> patch_points(int32_t columns, int32_t rows, bool slide_border
 /// counter-clockwise in the patch's parameters, or clockwise if `mirrored`.
 void append_patch_triangles(int32_t columns, int32_t rows, uint32_t first, bool mirrored, LightGrid& grid);
 
-/// Mean of a texture over the uv triangle: the centroids of 16 equal parts. Exact for constants.
-Spectrum mean_radiance(const scene::Texture& texture, const Vec2f& a, const Vec2f& b, const Vec2f& c);
+/// The unit square to the unit disk (Shirley and Chiu 1997).
+Vec2d square_to_disk(const Vec2d& u);
+/// Radius at which the regular polygon through the 4 n border points has the disk's area.
+double disk_border_radius(int32_t n);
 
-/// Fills in the radiance of all triangles from the uv of all vertices.
-void set_radiance(const scene::Texture& texture, const std::vector<Vec2f>& uvs, LightGrid& grid);
+/// Mean of `radiance_at(point)` over the triangle (a, b, c) of any space: the centroids of 16 equal parts.
+template <typename Point, typename RadianceAt>
+Spectrum mean_over_triangle(const Point& a, const Point& b, const Point& c, const RadianceAt& radiance_at) {
+  constexpr int parts = 4;
+  Spectrum sum(0);
+  const auto add = [&](double u, double v) {
+    using Real = typename Point::value_type;
+    sum += radiance_at(a + (b - a) * static_cast<Real>(u / parts) + (c - a) * static_cast<Real>(v / parts));
+  };
+  for (int i = 0; i < parts; ++i) {
+    for (int j = 0; i + j < parts; ++j) {
+      add(i + 1.0 / 3, j + 1.0 / 3);
+      if (i + j + 1 < parts) add(i + 2.0 / 3, j + 2.0 / 3);
+    }
+  }
+  return sum * (1.0f / (parts * parts));
+}
+
+/// Fills in the radiance of all triangles; `points` are the vertices in some parameters and
+/// `uv_of(parameters)` the texture's.
+template <typename UvOf>
+void set_radiance(const scene::Texture& texture, const std::vector<Vec2d>& points, const UvOf& uv_of,
+                  LightGrid& grid) {
+  const Spectrum constant = texture.is_constant() ? texture.evaluate(Vec2f(0)) : Spectrum(0);
+  for (LightGrid::Triangle& triangle : grid.triangles) {
+    const auto& [a, b, c] = triangle.vertices;
+    triangle.radiance = texture.is_constant()
+                            ? constant
+                            : mean_over_triangle(points[a], points[b], points[c],
+                                                 [&](const Vec2d& p) { return texture.evaluate(uv_of(p)); });
+  }
+}
 
 }  // namespace fogbank::derivatives

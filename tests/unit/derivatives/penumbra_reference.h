@@ -7,7 +7,7 @@
 #include <cmath>
 #include <vector>
 
-#include "derivatives/jet.h"
+#include "derivatives/quadrature.h"
 
 namespace fogbank::derivatives::test {
 
@@ -22,30 +22,6 @@ struct LevelRectangle {
             std::min(a.upper_y, b.upper_y)};
   }
 };
-
-/// Nodes and weights on [0, 1] by Newton's iteration on the Legendre polynomial.
-inline std::vector<std::array<double, 2>> gauss_legendre(int count) {
-  std::vector<std::array<double, 2>> nodes;
-  for (int i = 0; i < count; ++i) {
-    double z = std::cos(3.141592653589793 * (i + 0.75) / (count + 0.5));
-    double slope = 1;
-    for (int iteration = 0; iteration < 100; ++iteration) {
-      double p = 1;
-      double before = 0;
-      for (int k = 1; k <= count; ++k) {
-        const double next = ((2 * k - 1) * z * p - (k - 1) * before) / k;
-        before = p;
-        p = next;
-      }
-      slope = count * (z * p - before) / (z * z - 1);
-      const double step = p / slope;
-      z -= step;
-      if (std::fabs(step) < 1e-15) break;
-    }
-    nodes.push_back({0.5 * (1 - z), 1 / ((1 - z * z) * slope * slope)});
-  }
-  return nodes;
-}
 
 /// A level light that shines down over level plates in a homogeneous medium. Radiance 1.
 class PenumbraReference {
@@ -126,35 +102,7 @@ class PenumbraReference {
   }
 
   Jet3d differences(const Vec3d& x, double h) const {
-    // Weights of f(x - 2h) .. f(x + 2h).
-    constexpr std::array<double, 5> first{1.0 / 12, -2.0 / 3, 0, 2.0 / 3, -1.0 / 12};
-    constexpr std::array<double, 5> second{-1.0 / 12, 4.0 / 3, -5.0 / 2, 4.0 / 3, -1.0 / 12};
-    Jet3d jet;
-    jet.value = value(x);
-    const auto at = [&](int i, int steps_i, int j, int steps_j) {
-      Vec3d moved = x;
-      moved[i] += steps_i * h;
-      moved[j] += steps_j * h;
-      return value(moved);
-    };
-    for (int i = 0; i < 3; ++i) {
-      for (int s = -2; s <= 2; ++s) {
-        const double sample = at(i, s, i, 0);
-        jet.gradient[i] += first[static_cast<size_t>(s + 2)] * sample / h;
-        jet.hessian(i, i) += second[static_cast<size_t>(s + 2)] * sample / (h * h);
-      }
-      for (int j = i + 1; j < 3; ++j) {
-        for (int s = -2; s <= 2; ++s) {
-          if (s == 0) continue;
-          for (int t = -2; t <= 2; ++t) {
-            if (t == 0) continue;
-            jet.hessian(i, j) += first[static_cast<size_t>(s + 2)] * first[static_cast<size_t>(t + 2)] *
-                                 at(i, s, j, t) / (h * h);
-          }
-        }
-      }
-    }
-    return jet;
+    return differentiate([&](const Vec3d& at) { return value(at); }, x, h);
   }
 
   LevelRectangle light_;
