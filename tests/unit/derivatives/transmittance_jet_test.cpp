@@ -66,7 +66,8 @@ TYPED_TEST(Transmittance, I15IntegralTendsToTheDistance) {
 
 TYPED_TEST(Transmittance, I15UnderflowIsExactlyNothing) {
   using Real = TypeParam;
-  constexpr Real largest = std::numeric_limits<Real>::max();
+  // Its reciprocal is a normal number: threads that trace flush others to zero.
+  constexpr Real largest = std::numeric_limits<Real>::max() / 8;
   for (uint32_t i = 0; i < configurations; ++i) {
     RandomStream random(16, i, 0, 0);
     const auto distance = distance_jet(random_vertex<Real, 3>(random));
