@@ -70,7 +70,8 @@ Surroundings look_around(const transport::World& world, const Vec3f& x, RandomSt
   std::vector<double> distances;
   for (int32_t cell = 0; cell < look_side * look_side; ++cell) {
     const Vec2f jitter = random.next_vec2();
-    const Vec2f u = (Vec2f(cell % look_side, cell / look_side) + jitter) / static_cast<float>(look_side);
+    const Vec2f u =
+        (Vec2f(Vec2i(cell % look_side, cell / look_side)) + jitter) / static_cast<float>(look_side);
     scene::Hit hit;
     ++counters.closest_hit;
     if (world.scene().intersector->intersect({x, square_to_uniform_sphere(u), infinity}, hit))

@@ -127,7 +127,8 @@ void Unaware::add_lights(Gather& gather) const {
     values.clear();
     for (int32_t cell = 0; cell < side * side; ++cell) {
       const Vec2f jitter = random.next_vec2();
-      const Vec2f u = glm::min((Vec2f(cell % side, cell / side) + jitter) * share, Vec2f(one_minus_epsilon));
+      const Vec2f u =
+          glm::min((Vec2f(Vec2i(cell % side, cell / side)) + jitter) * share, Vec2f(one_minus_epsilon));
       const std::optional<transport::LightSample> sample = light.sample(gather.at, u);
       if (!sample || is_black(sample->radiance)) continue;
       const Spectrum value = sample->radiance * (inv_4pi * share * share / sample->pdf);
@@ -171,7 +172,7 @@ void Unaware::add_sphere(Gather& gather) const {
   for (int32_t cell = 0; cell < side * side; ++cell) {
     const Vec2f jitter = random.next_vec2();
     directions.push_back(square_to_uniform_sphere(
-        glm::min((Vec2f(cell % side, cell / side) + jitter) * share, Vec2f(one_minus_epsilon))));
+        glm::min((Vec2f(Vec2i(cell % side, cell / side)) + jitter) * share, Vec2f(one_minus_epsilon))));
   }
   Sightlines lines(*world_);
   lines.start(gather.at, gather.medium);

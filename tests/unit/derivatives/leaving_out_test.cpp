@@ -26,7 +26,8 @@ const std::vector<Scene>& scenes() {
       {"scattering", "0.3", "0.8", test::ceiling_light + test::black_room},
       {"without extinction", "0", "0", test::ceiling_light + test::black_room},
       {"a point light and a dark lamp", "0.2, 0.3, 0.4", "0",
-       test::black_room + R"(<emitter type="point"/><shape type="sphere"><point name="center" x="1"/><float name="radius" value="0.1"/>
+       test::black_room +
+           R"(<emitter type="point"/><shape type="sphere"><point name="center" x="1"/><float name="radius" value="0.1"/>
          <bsdf type="diffuse"><rgb name="reflectance" value="0"/></bsdf>
          <emitter type="area"><rgb name="radiance" value="0"/></emitter></shape>)"},
   };
