@@ -96,20 +96,24 @@ Outlines find_outlines(const SphereRays& rays, std::span<const float> weights, i
   const auto edges = rays.topology().edges();
   Outlines outlines;
   outlines.of_edge.assign(edges.size(), Outlines::none);
-  std::vector<End> ends(rays.ends().size());
-  for (size_t i = 0; i < ends.size(); ++i) ends[i] = make_end(lines.direction(i), rays.ends()[i]);
+  std::vector<End> ends;
+  ends.reserve(rays.ends().size());
+  bool mirrors = false;
+  for (size_t i = 0; i < rays.ends().size(); ++i) {
+    ends.push_back(make_end(lines.direction(i), rays.ends()[i]));
+    mirrors = mirrors || rays.ends()[i].is_mirrored;
+  }
+  const auto is_mirrored = [&](uint32_t ray) { return mirrors && rays.ends()[ray].is_mirrored; };
   std::vector<Jump> jumps;
   for (uint32_t e = 0; e < edges.size(); ++e) {
-    const RayEnd& a = rays.ends()[edges[e].a];
-    const RayEnd& b = rays.ends()[edges[e].b];
-    if (surfaces_meet(ends[edges[e].a], ends[edges[e].b]) && a.is_mirrored == b.is_mirrored) continue;
+    const uint32_t a = edges[e].a;
+    const uint32_t b = edges[e].b;
+    if (surfaces_meet(ends[a], ends[b]) && is_mirrored(a) == is_mirrored(b)) continue;
     outlines.of_edge[e] = Outlines::unknown;
-    if (a.is_mirrored || b.is_mirrored) continue;
-    const float weight_a = weights[edges[e].a];
-    const float weight_b = weights[edges[e].b];
-    const float difference = std::fabs(weight_a - weight_b);
-    if (!(difference > least_difference * std::max(weight_a, weight_b))) continue;
-    jumps.push_back({e, difference * std::fabs(1 / a.distance - 1 / b.distance)});
+    if (is_mirrored(a) || is_mirrored(b)) continue;
+    const float difference = std::fabs(weights[a] - weights[b]);
+    if (!(difference > least_difference * std::max(weights[a], weights[b]))) continue;
+    jumps.push_back({e, difference * std::fabs(1 / rays.ends()[a].distance - 1 / rays.ends()[b].distance)});
   }
   if (steps == 0 || most == 0) return outlines;
   if (jumps.size() > most) {
