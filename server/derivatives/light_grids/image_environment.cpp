@@ -3,6 +3,7 @@
 #include <numbers>
 
 #include "derivatives/light_grids/kinds.h"
+#include "derivatives/light_grids/patch.h"
 #include "derivatives/light_grids/refinement.h"
 #include "derivatives/triangle_form_factor.h"
 
@@ -11,18 +12,21 @@ namespace fogbank::derivatives {
 namespace {
 
 /// Blocks of the image's cells are averaged until there are no more than this.
-constexpr int64_t most_cells = 1 << 19;
+constexpr int64_t most_cells = 1 << 21;
 /// Share of the mean radiance that counts as everywhere, so that dark parts get cells too.
 constexpr double floor_share = 0.1;
 /// Triangles no wider than this, whatever their energy: the transmittance differs from direction to
 /// direction.
 constexpr double widest_cell = 0.4;
 
+/// Triangles over fewer cells than this are smaller than what the image resolves: their energy is the
+/// bilinear image's, by quadrature.
+constexpr size_t fewest_cells = 16;
+
 /// A block of the image.
 struct Cell {
   Vec3d direction;
   Vec3d energy;  ///< radiance times solid angle
-  double importance;
 };
 
 class GriddedImageEnvironment final : public GriddedLight {
@@ -55,72 +59,81 @@ class GriddedImageEnvironment final : public GriddedLight {
       inside[second].assign(rest, list.end());
       list.erase(rest, list.end());
     };
+    const double everywhere = floor_of(cells);
+    const auto mean_of = [&](uint32_t t) {
+      const auto& [a, b, c] = refinement.triangles()[t].vertices;
+      return mean_radiance(refinement.vertices()[a], refinement.vertices()[b], refinement.vertices()[c],
+                           cells, inside[t], light);
+    };
     const auto importance = [&](uint32_t t) {
       const double width = refinement.width(t);
       if (width > widest_cell) return 1e300 * width;
-      if (inside[t].size() < 8) return 0.0;  // finer than the image
-      double sum = 0;
-      for (const uint32_t i : inside[t]) sum += cells[i].importance;
-      return sum;
+      const auto& [a, b, c] = refinement.triangles()[t].vertices;
+      return solid_angle(refinement.vertices()[a], refinement.vertices()[b], refinement.vertices()[c]) *
+             (everywhere + static_cast<double>(luminance(mean_of(t))));
     };
     RandomStream unused(0, 0, 0, 0);
     refinement.refine(8 * static_cast<size_t>(n) * static_cast<size_t>(n), importance, 0, unused, on_split);
 
     grid_.at_infinity = true;
     grid_.vertices = refinement.vertices();
-    for (uint32_t t = 0; t < refinement.triangles().size(); ++t) {
-      const auto& vertices = refinement.triangles()[t].vertices;
-      const Vec3d& a = grid_.vertices[vertices[0]];
-      const Vec3d& b = grid_.vertices[vertices[1]];
-      const Vec3d& c = grid_.vertices[vertices[2]];
-      Vec3d energy(0);
-      for (const uint32_t i : inside[t]) energy += cells[i].energy;
-      const double solid_angle =
-          4 * std::numbers::pi * triangle_form_factor(RelativeTriangle<double>::from_relative(a, b, c));
-      const Spectrum radiance = inside[t].empty() || !(solid_angle > 0)
-                                    ? light.emitted(Vec3f(glm::normalize(a + b + c)), nullptr)
-                                    : Spectrum(energy / solid_angle);
-      grid_.triangles.push_back({vertices, radiance});
-    }
+    for (uint32_t t = 0; t < refinement.triangles().size(); ++t)
+      grid_.triangles.push_back({refinement.triangles()[t].vertices, mean_of(t)});
   }
 
   void cut(const Vec3d&, RandomStream&, LightGrid& grid) const override { grid = grid_; }
 
  private:
+  static double solid_angle(const Vec3d& a, const Vec3d& b, const Vec3d& c) {
+    return 4 * std::numbers::pi * triangle_form_factor(RelativeTriangle<double>::from_relative(a, b, c));
+  }
+
+  static Spectrum mean_radiance(const Vec3d& a, const Vec3d& b, const Vec3d& c,
+                                const std::vector<Cell>& cells, const std::vector<uint32_t>& inside,
+                                const transport::Light& light) {
+    const double angle = solid_angle(a, b, c);
+    if (inside.size() < fewest_cells || !(angle > 0))
+      return mean_over_triangle(
+          a, b, c, [&](const Vec3d& p) { return light.emitted(Vec3f(glm::normalize(p)), nullptr); });
+    Vec3d energy(0);
+    for (const uint32_t i : inside) energy += cells[i].energy;
+    return Spectrum(energy / angle);
+  }
+
+  /// Radiance that counts as everywhere when cells are chosen.
+  static double floor_of(const std::vector<Cell>& cells) {
+    Vec3d total(0);
+    for (const Cell& cell : cells) total += cell.energy;
+    return floor_share * static_cast<double>(luminance(Spectrum(total))) / (4 * std::numbers::pi);
+  }
+
   static std::vector<Cell> cells_of(const transport::ImageShape& shape, const transport::Light& light) {
     int32_t block = 1;
     while (static_cast<int64_t>(shape.columns / block) * (shape.rows / block) > most_cells) block *= 2;
     std::vector<Cell> cells;
-    double total = 0;
     for (int32_t row = 0; row < shape.rows; row += block) {
       const int32_t rows = std::min(block, shape.rows - row);
       for (int32_t column = 0; column < shape.columns; column += block) {
         const int32_t columns = std::min(block, shape.columns - column);
-        Cell cell{Vec3d(0), Vec3d(0), 0};
+        Cell cell{Vec3d(0), Vec3d(0)};
         for (int32_t j = row; j < row + rows; ++j) {
           const double top = std::numbers::pi * j / shape.rows;
           const double bottom = std::numbers::pi * (j + 1) / shape.rows;
-          const double solid_angle =
-              2 * std::numbers::pi / shape.columns * (std::cos(top) - std::cos(bottom));
+          const double angle = 2 * std::numbers::pi / shape.columns * (std::cos(top) - std::cos(bottom));
           const double polar = 0.5 * (top + bottom);
           for (int32_t i = column; i < column + columns; ++i) {
             const double azimuth = 2 * std::numbers::pi * (i + 0.5) / shape.columns;
             const Vec3f local(Vec3d(std::sin(azimuth) * std::sin(polar), std::cos(polar),
                                     -std::cos(azimuth) * std::sin(polar)));
             const Vec3f direction = glm::normalize(shape.to_world * local);
-            cell.direction += Vec3d(direction) * solid_angle;
-            cell.energy += Vec3d(light.emitted(direction, nullptr)) * solid_angle;
-            cell.importance += solid_angle;
+            cell.direction += Vec3d(direction) * angle;
+            cell.energy += Vec3d(light.emitted(direction, nullptr)) * angle;
           }
         }
         cell.direction = glm::normalize(cell.direction);
-        total += luminance(Spectrum(cell.energy));
         cells.push_back(cell);
       }
     }
-    const double everywhere = floor_share * total / (4 * std::numbers::pi);
-    for (Cell& cell : cells)
-      cell.importance = cell.importance * everywhere + luminance(Spectrum(cell.energy));
     return cells;
   }
 

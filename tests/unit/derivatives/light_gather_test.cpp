@@ -11,27 +11,13 @@
 #include "core/random.h"
 #include "derivatives/light_references.h"
 #include "derivatives/plan_request.h"
-#include "scene/loader.h"
-#include "scene/memory_files.h"
+#include "derivatives/text_scene.h"
 
 namespace fogbank::derivatives {
 namespace {
 
-std::unique_ptr<transport::World> world_of(const std::string& body) {
-  scene::prepare_render_thread();
-  const std::string file = "<scene version=\"3.0.0\"><integrator type=\"volpath\"/>" + body + "</scene>";
-  return std::make_unique<transport::World>(scene::load_scene(
-      "scene.xml",
-      std::make_shared<scene::test::MemoryFiles>(std::map<std::string, std::string>{{"scene.xml", file}}),
-      {}));
-}
-
-/// Fog that the sensor stands in and that nothing bounds.
-std::string fog(double sigma_t) {
-  return "<medium type=\"homogeneous\" id=\"fog\"><float name=\"sigma_t\" value=\"" +
-         std::to_string(sigma_t) +
-         "\"/><float name=\"albedo\" value=\"0.5\"/></medium>"
-         "<sensor type=\"perspective\"><ref name=\"medium\" id=\"fog\"/></sensor>";
+std::shared_ptr<const transport::World> world_of(double sigma_t, const std::string& body) {
+  return test::world_in_fog(std::to_string(sigma_t), "0.5", body);
 }
 
 const std::string emitter = "<emitter type=\"area\"><float name=\"radiance\" value=\"1\"/></emitter>";
@@ -151,7 +137,7 @@ struct Bounds {
 void expect_close(const Case& light, double sigma_t, bool blocked, const Bounds& bounds) {
   SCOPED_TRACE(light.name + ", sigma_t " + std::to_string(sigma_t) + (blocked ? ", blocked" : ""));
   const Vec3f x(0.31f, -0.17f, 0.2f);
-  const auto world = world_of(fog(sigma_t) + light.shape + (blocked ? half_plane : ""));
+  const auto world = world_of(sigma_t, light.shape + (blocked ? half_plane : ""));
   const test::LightReferences reference(sigma_t, blocked ? test::HalfPlane{edge} : test::HalfPlane{});
   const Jet3d expected =
       test::differentiate([&](const Vec3d& at) { return light.value(reference, at); }, Vec3d(x), 2e-3);
@@ -190,7 +176,7 @@ TEST(LightGather, OpenLightsNeedNoBisection) {
   const Vec3f x(0.31f, -0.17f, 0.2f);
   for (const Case& light : cases()) {
     SCOPED_TRACE(light.name);
-    const auto world = world_of(fog(0.5) + light.shape);
+    const auto world = world_of(0.5, light.shape);
     EstimatorSettings settings = all_terms();
     const Jet3d with = direct_light(*world, settings, x).channels[0];
     settings.bisect = settings.sliding = settings.corners = false;
@@ -218,9 +204,9 @@ TEST(LightGather, LightsAddUp) {
                    "<transform name=\"to_world\"><translate x=\"" + offset + "\"/></transform>");
     }
     all += shape;
-    sum += direct_light(*world_of(fog(0.5) + shape), all_terms(), x, 4).channels[0];
+    sum += direct_light(*world_of(0.5, shape), all_terms(), x, 4).channels[0];
   }
-  const Jet3d together = direct_light(*world_of(fog(0.5) + all), all_terms(), x, 4).channels[0];
+  const Jet3d together = direct_light(*world_of(0.5, all), all_terms(), x, 4).channels[0];
   // Other random numbers, so the grids' own errors remain.
   EXPECT_NEAR(together.value / sum.value, 1, 2e-3);
   EXPECT_LE(gradient_error(together, sum), 5e-3);
@@ -243,12 +229,12 @@ TEST(LightGather, DeltaLightsAreClosedForms) {
   const auto check = [&](const std::string& light, const std::function<double(const Vec3d&)>& value) {
     SCOPED_TRACE(light);
     const Jet3d expected = test::differentiate(value, Vec3d(x), 1e-3);
-    const auto world = world_of(fog(sigma_t) + light);
+    const auto world = world_of(sigma_t, light);
     const Jet3d found = direct_light(*world, {}, x).channels[2];
     EXPECT_NEAR(found.value, expected.value, 1e-6 * expected.value);
     EXPECT_LE(gradient_error(found, expected), 1e-5);
     EXPECT_LE(hessian_error(found, expected), 1e-5);
-    const auto blocked = world_of(fog(sigma_t) + light + half_plane);
+    const auto blocked = world_of(sigma_t, light + half_plane);
     const Vec3f behind(0.31f, 0.5f, 0.2f);
     EXPECT_EQ(size_of(direct_light(*blocked, {}, behind).channels[2]), 0);
   };
@@ -263,20 +249,18 @@ TEST(LightGather, DeltaLightsAreClosedForms) {
 }
 
 /// A cube of fog of half size 4 around the origin, in vacuum.
-std::string box_of_fog(double sigma_t) {
-  return fog(sigma_t) +
-         "<shape type=\"cube\"><transform name=\"to_world\"><scale value=\"4\"/></transform><bsdf "
-         "type=\"null\"/><ref name=\"interior\" id=\"fog\"/></shape>";
-}
+const std::string box_of_fog =
+    "<shape type=\"cube\"><transform name=\"to_world\"><scale value=\"4\"/></transform><bsdf "
+    "type=\"null\"/><ref name=\"interior\" id=\"fog\"/></shape>";
 
 TEST(LightGather, ThroughTheEndOfAMedium) {
   const Vec3f x(0.31f, -0.17f, 0.2f);
   constexpr double sigma_t = 0.4;
   // Straight down into the fog: only the depth below its upper face counts.
   const auto directional =
-      world_of(box_of_fog(sigma_t) +
-               "<emitter type=\"directional\"><vector name=\"direction\" x=\"0\" y=\"0\" "
-               "z=\"-1\"/><float name=\"irradiance\" value=\"3\"/></emitter>");
+      world_of(sigma_t, box_of_fog +
+                            "<emitter type=\"directional\"><vector name=\"direction\" x=\"0\" y=\"0\" "
+                            "z=\"-1\"/><float name=\"irradiance\" value=\"3\"/></emitter>");
   const Jet3d sun = direct_light(*directional, {}, x).channels[0];
   const Jet3d sun_expected = test::differentiate(
       [&](const Vec3d& at) { return 3 * std::exp(-sigma_t * (4 - at.z)) / (4 * std::numbers::pi); }, Vec3d(x),
@@ -286,10 +270,11 @@ TEST(LightGather, ThroughTheEndOfAMedium) {
   EXPECT_LE(hessian_error(sun, sun_expected), 1e-6);
 
   // A rectangle outside the fog: the part of each line inside is (4 - z) / (6 - z) of it.
-  const auto window = world_of(box_of_fog(sigma_t) +
-                               "<shape type=\"rectangle\"><transform name=\"to_world\"><rotate x=\"1\" "
-                               "angle=\"180\"/><translate z=\"6\"/></transform>" +
-                               emitter + "</shape>");
+  const auto window =
+      world_of(sigma_t, box_of_fog +
+                            "<shape type=\"rectangle\"><transform name=\"to_world\"><rotate x=\"1\" "
+                            "angle=\"180\"/><translate z=\"6\"/></transform>" +
+                            emitter + "</shape>");
   const auto nodes = test::gauss_legendre(24);
   const Jet3d expected = test::differentiate(
       [&](const Vec3d& at) {
@@ -324,7 +309,7 @@ TEST(LightGather, AlwaysFinite) {
   for (const double sigma_t : {0.0, 0.75, 1e6}) {
     for (const Case& light : cases()) {
       SCOPED_TRACE(light.name);
-      const auto world = world_of(fog(sigma_t) + light.shape + half_plane);
+      const auto world = world_of(sigma_t, light.shape + half_plane);
       for (const bool bisect : {true, false}) {
         EstimatorSettings settings = all_terms();
         settings.bisect = bisect;
