@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "derivatives/form_factor_batch.h"
 #include "derivatives/media_path.h"
 #include "derivatives/medium_march.h"
 
@@ -140,6 +141,20 @@ Vec3d MediumRecord::shell_outline(uint32_t ended, uint32_t passing, double dista
   return square > 0 ? start + chord * std::clamp((root - middle) / square, 0.0, 1.0) : start;
 }
 
+template <typename Distance, typename Joined>
+std::vector<Jet3d> MediumRecord::vertex_forms(const Distance& distance, const Joined& joined) const {
+  std::vector<BatchVertex<double>> vertices;
+  for (uint32_t i = 0; i < rays.size(); ++i) vertices.emplace_back(rays[i].direction, 1 / distance(i));
+  std::vector<BatchTriangle> whole;
+  for (const auto& [a, b, c] : triangles)
+    if (joined(a, b) && joined(b, c) && joined(c, a)) whole.push_back({{a, b, c}, BatchTriangle::all});
+  std::vector<Jet3d> forms;
+  for (const VertexFormFactor<double>& form :
+       gather_form_factors<double>(vertices, whole, DerivativeOrder::hessian))
+    forms.push_back(form.jet());
+  return forms;
+}
+
 RadianceJet MediumRecord::linear_source(const Vec3d& vertex) const {
   RadianceJet jet;
   for (size_t c = 0; c < 3; ++c) {
@@ -164,15 +179,16 @@ void MediumRecord::add_linear(RadianceJet& sum) const {
       sum.channels[c] += jet * form;
     }
   };
+  const std::vector<Jet3d> forms =
+      vertex_forms([this](uint32_t ray) { return first_end(ray); },
+                   [this](uint32_t i, uint32_t j) { return first_outline(i, j) == nullptr; });
+  for (size_t i = 0; i < along.size(); ++i)
+    for (size_t c = 0; c < 3; ++c) sum.channels[c] += along[i].channels[c] * forms[i];
   for (const std::array<uint32_t, 3>& triangle : triangles) {
-    const std::array<Vec3d, 3> ends{vertex(triangle[0]), vertex(triangle[1]), vertex(triangle[2])};
-    const ShellPolygon<double> whole{{ends[0], ends[1], ends[2], {}}, 3};
     std::array<const RayOutline*, 3> cuts;  // of the edge opposite to each corner
     for (size_t i = 0; i < 3; ++i) cuts[i] = first_outline(triangle[(i + 1) % 3], triangle[(i + 2) % 3]);
-    if (std::count(cuts.begin(), cuts.end(), nullptr) == 3) {
-      add(whole, std::array{along[triangle[0]], along[triangle[1]], along[triangle[2]]});
-      continue;
-    }
+    if (std::count(cuts.begin(), cuts.end(), nullptr) == 3) continue;
+    const std::array<Vec3d, 3> ends{vertex(triangle[0]), vertex(triangle[1]), vertex(triangle[2])};
     // The corner that two outlines cut off from the others.
     const size_t odd = cuts[0] == nullptr ? 0 : (cuts[1] == nullptr ? 1 : 2);
     const std::array<size_t, 2> pair{(odd + 1) % 3, (odd + 2) % 3};
@@ -183,7 +199,7 @@ void MediumRecord::add_linear(RadianceJet& sum) const {
       const uint32_t farthest =
           *std::max_element(triangle.begin(), triangle.end(),
                             [this](uint32_t a, uint32_t b) { return first_end(a) < first_end(b); });
-      add(whole, std::span(&along[farthest], 1));
+      add({{ends[0], ends[1], ends[2], {}}, 3}, std::span(&along[farthest], 1));
       continue;
     }
     // The outline as seen on the nearer surface and on what lies behind it; in between a strip without
@@ -236,17 +252,15 @@ RadianceJet MediumRecord::derivatives() const {
   RadianceJet sum;
   add_linear(sum);
   // Form factors of the unit sphere's triangles: those that nothing cuts are shared out to their corners.
-  std::vector<Jet3d> cells(rays.size());
+  const std::vector<Jet3d> cells = vertex_forms(
+      [](uint32_t) { return 1.0; }, [this](uint32_t i, uint32_t j) { return outline(i, j) == nullptr; });
   for (const std::array<uint32_t, 3>& triangle : triangles) {
+    if (!is_cut(triangle)) continue;
     const std::array<Vec3d, 3> directions{rays[triangle[0]].direction, rays[triangle[1]].direction,
                                           rays[triangle[2]].direction};
     const Jet3d third = triangle_form_factor_jet(RelativeTriangle<double>::from_relative(
                             directions[0], directions[1], directions[2])) *
                         (1.0 / 3);
-    if (!is_cut(triangle)) {
-      for (const uint32_t ray : triangle) cells[ray] += third;
-      continue;
-    }
     const double nearest =
         std::min({end(rays[triangle[0]].end), end(rays[triangle[1]].end), end(rays[triangle[2]].end)});
     for (const uint32_t ray : triangle) {

@@ -74,6 +74,10 @@ struct MediumRecord {
                                          ? excess(sample.source, ray, sample.distance, channel)
                                          : sample.source[channel]);
   }
+  /// What each ray's vertex, at `distance(ray)`, gets of the form factors of the triangles around it: a third
+  /// of those whose corners are all joined.
+  template <typename Distance, typename Joined>
+  std::vector<Jet3d> vertex_forms(const Distance& distance, const Joined& joined) const;
   RadianceJet linear_source(const Vec3d& vertex) const;
   const RayOutline* outline(uint32_t a, uint32_t b) const;
   /// The same where it parts the ends of first stretches too: not where both end at boundaries of the medium.

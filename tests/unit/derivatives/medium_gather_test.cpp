@@ -147,6 +147,29 @@ TEST(MediumWithoutScattering, IsNotEvenLookedAt) {
   EXPECT_EQ(glm::length(jet.gradient), 0);
 }
 
+/// From vacuum to a wall of soot, on a surface, in a crack, and where rays never end.
+TEST(ExtremeMedia, StayFinite) {
+  for (const char* sigma_t : {"1e-30", "1e-9", "1e6", "1e10", "1e-9, 1, 1e4"}) {
+    SCOPED_TRACE(sigma_t);
+    const std::shared_ptr<const transport::World> world = world_of(medium("fog", sigma_t, "0.999999"));
+    for (const double end : {0.0, 1e-7, 1.0, 1e6, never}) {
+      for (const double below : {0.0, 1e-7, never}) {
+        const Grid grid(8, 2, [&](const Vec3d& direction) -> MediumRay {
+          const double here = direction.z > 0 ? end : below;
+          return {direction, here, {{0, 0, here}}};
+        });
+        const RadianceJet jet =
+            grid.gather(*world, GivenSource([](const Vec3d& y) { return 1 + y.x * y.x; }), Vec3d(0.5, 0, 0));
+        for (const Jet3d& channel : jet.channels) {
+          EXPECT_TRUE(std::isfinite(channel.value) && channel.value >= 0);
+          EXPECT_TRUE(std::isfinite(glm::length(channel.gradient)));
+          EXPECT_TRUE(std::isfinite(channel.hessian.norm()));
+        }
+      }
+    }
+  }
+}
+
 /// Smooth in the box, with all derivatives of the same size.
 double box_source(const Vec3d& y) {
   return 1 + 0.5 * std::sin(1.3 * y.x + 0.4) * std::cos(0.9 * y.y) + 0.3 * y.z * y.z + 0.2 * y.y * y.z;
