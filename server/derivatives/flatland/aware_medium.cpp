@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <numbers>
 #include <vector>
 
@@ -51,7 +52,8 @@ class MediumSum {
 
   void march(const Sight& sight) {
     std::vector<double>& march = marches_.emplace_back();
-    for (size_t k = 0; distance(k) < sight.hit.distance; ++k) {
+    const double end = std::min(sight.hit.distance, scene_.reach());
+    for (size_t k = 0; distance(k) < end; ++k) {
       const double weight =
           scene_.sigma_s() * settings_.march_step * transmittance(scene_.sigma_t(), distance(k));
       const double q = source_.value(x_ + sight.direction * distance(k));

@@ -21,7 +21,8 @@ namespace {
 double default_step(const Scene& scene, const Settings& settings) {
   // sigma_t = 0 makes no medium; any step does.
   const double step = std::min(0.25 / std::max(scene.sigma_t(), 1e-300), scene.diagonal() / 32);
-  return step / std::max(1.0, std::sqrt(settings.samples / 64.0));
+  const double shortest = 1.001 * settings.samples * scene.reach() / largest_march_points;
+  return std::max(shortest, step / std::max(1.0, std::sqrt(settings.samples / 64.0)));
 }
 
 Settings checked(const Scene& scene, Settings settings) {
@@ -35,7 +36,7 @@ Settings checked(const Scene& scene, Settings settings) {
     refuse("march_step", "must be positive, or 0 for the default");
   if (settings.march_step == 0) settings.march_step = default_step(scene, settings);
   if (settings.order != Order::single && settings.method != Method::exact) {
-    const double points = settings.samples * (scene.diagonal() / settings.march_step);
+    const double points = settings.samples * (scene.reach() / settings.march_step);
     if (!(points <= static_cast<double>(largest_march_points))) {
       refuse("march_step", "gives more than " + std::to_string(largest_march_points) +
                                " points of the march; fewer samples or a longer step, please");

@@ -8,7 +8,7 @@
 
 namespace fogbank::derivatives::flatland {
 
-/// Limits. Points of a march are samples times steps of the longest ray; each asks for single scattering.
+/// Limits. Points of a march are samples times steps of the scene's reach; each asks for single scattering.
 inline constexpr int32_t smallest_sample_count = 4;
 inline constexpr int32_t largest_sample_count = 1 << 16;
 inline constexpr int32_t largest_bisection_count = 40;

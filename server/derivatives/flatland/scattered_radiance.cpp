@@ -19,10 +19,9 @@ namespace {
 constexpr int nodes_per_cell = 8;
 /// Wider cells, in radians, are divided: the distance of a wall is 1 / cos.
 constexpr double widest_cell = 0.6;
-/// Optically deeper cells are divided along the ray, as far as anything gets through.
+/// Optically deeper cells are divided along the ray.
 constexpr double deepest_cell = 2;
-constexpr double least_transmittance = 1e-20;
-/// Narrower ones hold nothing.
+/// Cells narrower than this, in radians, hold nothing.
 constexpr double narrowest_cell = 1e-12;
 
 std::vector<Vec2d> find_events(const Scene& scene, const std::vector<Line>& creases) {
@@ -112,18 +111,20 @@ class ScatteredRadiance::View {
   }
 
   /// int of T q ds over a length of the present ray.
-  Jet2d piece(const Jet2d& from, const Jet2d& length) const {
+  Jet2d piece(const Jet2d& from, const Jet2d& whole_length) const {
+    const double sigma_t = scene_.sigma_t();
+    if (sigma_t * from.value > greatest_depth) return {};
+    const bool too_deep = sigma_t * whole_length.value > greatest_depth;
+    const Jet2d length = too_deep ? Jet2d::constant(greatest_depth / sigma_t) : whole_length;
     const auto& rule = GaussLegendre<nodes_per_cell>::rule();
-    const double parts = std::max(1.0, std::ceil(scene_.sigma_t() * length.value / deepest_cell));
+    const int parts = std::max(1, static_cast<int>(std::ceil(sigma_t * length.value / deepest_cell)));
     Jet2d sum;
-    for (double part = 0; part < parts; ++part) {
-      if (transmittance(scene_.sigma_t(), from.value + length.value * (part / parts)) < least_transmittance)
-        break;
+    for (int part = 0; part < parts; ++part) {
       for (size_t i = 0; i < nodes_per_cell; ++i) {
         const Jet2d s = from + length * ((part + rule.nodes[i]) / parts);
         const Jet2d y[2] = {position_[0] + direction_[0] * s, position_[1] + direction_[1] * s};
         const Jet2d q = compose(source_.jet({y[0].value, y[1].value}), y[0], y[1]);
-        sum += transmittance_jet(scene_.sigma_t(), s) * q * (rule.weights[i] / parts);
+        sum += transmittance_jet(sigma_t, s) * q * (rule.weights[i] / parts);
       }
     }
     return sum * length;

@@ -14,6 +14,9 @@ inline constexpr double largest_number = 1e12;
 /// 4.5).
 inline constexpr double smallest_clearance = 1e-9;
 
+/// Light of the medium from optically deeper than this does not count: exp(-50) = 2e-22 of it arrives.
+inline constexpr double greatest_depth = 50;
+
 /// Most segments of a scene: visibility costs up to the fourth power of their number.
 inline constexpr int32_t largest_segment_count = 32;
 
@@ -59,6 +62,10 @@ class Scene {
   double sigma_s() const { return description_.sigma_t * description_.albedo; }
   /// Of the box; the unit of relative tolerances.
   double diagonal() const { return diagonal_; }
+  /// Length beyond which nothing of the medium's light arrives.
+  double reach() const {
+    return sigma_t() * diagonal_ > greatest_depth ? greatest_depth / sigma_t() : diagonal_;
+  }
   const Vec2d& box_min() const { return description_.box_min; }
   const Vec2d& box_max() const { return description_.box_max; }
 

@@ -24,12 +24,12 @@ struct Settings {
   // Of the aware method:
   int32_t bisections = 8;  ///< of a gap between different surfaces (6.2); 0: none
   bool mean_rule = true;   ///< mean of both ends instead of the farthest, within a surface (section 5)
-  bool sliding = true;     ///< linear extension beyond silhouettes (6.4 a)
+  bool sliding = true;     ///< linear extension beyond silhouettes (6.4 a), also of marched light
   bool ratio = false;      ///< derivatives scaled by stratified mean / triangulated value, per light (6.1)
   bool subtract = true;    ///< the source at the point is subtracted and treated in closed form (8.3)
   bool obliquity = true;   ///< path lengths through a shell in the Hessian (8.3)
   /// Step of marches through the medium, units; 0: min(0.25 / sigma_t, diagonal / 32), halved for each
-  /// fourfold of samples above 64.
+  /// fourfold of samples above 64, as far as the limit of march points allows.
   double march_step = 0;
 };
 

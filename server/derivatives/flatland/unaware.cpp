@@ -1,5 +1,7 @@
 #include "derivatives/flatland/unaware.h"
 
+#include <algorithm>
+
 #include "derivatives/flatland/ring.h"
 #include "derivatives/transmittance_jet.h"
 
@@ -49,7 +51,9 @@ Estimate estimate_medium_unaware(const Scene& scene, const Source& source, const
     const Vec2d& u = sight.direction;
     const Matrix along = Matrix::outer(u);
     const Matrix across = Matrix::identity() - along;
-    for (double s = settings.march_step / 2; s < sight.hit.distance; s += settings.march_step) {
+    const double end = std::min(sight.hit.distance, scene.reach());
+    for (int k = 0; (k + 0.5) * settings.march_step < end; ++k) {
+      const double s = (k + 0.5) * settings.march_step;
       // K = T / s
       estimate.mean +=
           from_logarithm(weight * transmittance(sigma_t, s) * source.value(x + s * u), (sigma_t + 1 / s) * u,

@@ -248,6 +248,23 @@ TEST(FlatlandModel, WithoutScatteringThereIsNoMultipleScattering) {
   }
 }
 
+TEST(FlatlandModel, ExtremeMediaGiveFiniteNumbers) {
+  for (const double sigma_t : {0.0, 1e3, largest_number}) {
+    for (const Method method : {Method::exact, Method::unaware, Method::aware}) {
+      Settings settings;
+      settings.method = method;
+      settings.samples = 16;
+      const Model model(box_scene(sigma_t, 1), settings);
+      for (const Vec2d& x : {Vec2d(0.63, 0.31), Vec2d(0.4, 0.95 - 3e-9)}) {
+        const Jet2d jet = model.estimate(x).mean;
+        EXPECT_TRUE(std::isfinite(jet.value) && std::isfinite(glm::length(jet.gradient)) &&
+                    std::isfinite(jet.hessian.norm()))
+            << static_cast<int>(method) << " at " << x.x << ", " << x.y << ", sigma_t " << sigma_t;
+      }
+    }
+  }
+}
+
 TEST(FlatlandModel, ExactMultipleScatteringHasALimit) {
   SceneDescription description = box_scene();
   for (int i = 0; i < 3; ++i)

@@ -48,6 +48,9 @@ class Experiment:
     resolution: int
     """Points a side of the picture."""
 
+    samples: int
+    """Directions of each of its points."""
+
     table_resolution: int
     """Points a side of the grid that errors are averaged over."""
 
@@ -76,6 +79,7 @@ EXPERIMENTS = {
         order="single",
         scene_file="box.json",
         resolution=128,
+        samples=1024,
         table_resolution=48,
         table_samples=16384,
         variants=(
@@ -89,7 +93,8 @@ EXPERIMENTS = {
     "multiple": Experiment(
         order="multiple",
         scene_file="fog_box.json",
-        resolution=64,
+        resolution=48,
+        samples=256,
         table_resolution=20,
         table_samples=1024,
         variants=(
@@ -273,7 +278,8 @@ def _cell(errors: ZoneErrors) -> str:
         return "all exactly 0" if errors.largest == 0 else f"up to {errors.largest:.2g} instead of 0"
     angle = "-" if errors.angle is None else _digits(errors.angle)
     numbers = " / ".join(f"{_digits(100 * error)} %" for error in (errors.gradient, errors.hessian))
-    return f"{angle} / {numbers} / {100 * errors.value:+.2f} %"
+    # Adding 0 turns -0.0 into 0.0.
+    return f"{angle} / {numbers} / {round(100 * errors.value, 2) + 0.0:+.2f} %"
 
 
 def _digits(number: float) -> str:

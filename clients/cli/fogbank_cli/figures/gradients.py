@@ -36,8 +36,10 @@ _SCENES = Path(__file__).resolve().parents[4] / "scenes" / "flatland"
     type=click.Path(path_type=Path, dir_okay=False),
     help="A flatland scene; scenes/flatland/box.json (single) or fog_box.json (multiple) by default.",
 )
-@click.option("--resolution", type=click.IntRange(4, 512), help="Points a side of the picture; 128 or 64 by default.")
-@click.option("--samples", type=click.IntRange(4, 65536), default=1024, show_default=True, help="Of the picture.")
+@click.option("--resolution", type=click.IntRange(4, 512), help="Points a side of the picture; 128 or 48 by default.")
+@click.option(
+    "--samples", type=click.IntRange(4, 65536), help="Directions a point of the picture; 1024 or 256 by default."
+)
 @click.option(
     "--table-resolution", type=click.IntRange(4, 256), help="Points a side of the table; 48 or 20 by default."
 )
@@ -55,7 +57,7 @@ def gradients(
     folder: Path,
     path: Path | None,
     resolution: int | None,
-    samples: int,
+    samples: int | None,
     table_resolution: int | None,
     table_samples: int | None,
 ) -> None:
@@ -71,11 +73,12 @@ def gradients(
     experiment = EXPERIMENTS[order]
     scene_path = path or _SCENES / experiment.scene_file
     scene = read_scene(scene_path)
+    picture_samples = samples or experiment.samples
     folder.mkdir(parents=True, exist_ok=True)
     picture, table = (folder / f"gradients_{order}{suffix}" for suffix in (".png", ".csv"))
     with session.connect() as service:
-        output.note(f"picture: {scene_path.name}, {samples} directions a point")
-        draw(service, scene, experiment, resolution or experiment.resolution, samples, picture)
+        output.note(f"picture: {scene_path.name}, {picture_samples} directions a point")
+        draw(service, scene, experiment, resolution or experiment.resolution, picture_samples, picture)
         output.event("figure", path=picture)
         rows: list[ErrorRow] = []
         for row in measure_errors(
