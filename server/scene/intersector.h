@@ -1,4 +1,4 @@
-// Ray queries. embree_intersector.cpp is the only file that knows Embree's API.
+// Ray queries. Only embree_*.cpp know Embree's API.
 #pragma once
 
 #include <memory>
