@@ -56,7 +56,7 @@ Aware::Aware(std::shared_ptr<const transport::World> world, const EstimatorSetti
       settings_(settings),
       plan_(*world_, plan_request(settings)),
       lights_(*world_, plan_, settings),
-      sphere_(world_, plan_, settings),
+      sphere_(world_, settings),
       source_(std::make_unique<PathTracedSource>(
           std::make_shared<transport::PathTracer>(world_,
                                                   transport::PathSettings{.max_depth = settings.max_depth}),

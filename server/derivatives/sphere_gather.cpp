@@ -43,12 +43,8 @@ Spectrum extend(const Spectrum& weight, const Spectrum& sigma_t, float extra) {
 
 }  // namespace
 
-SphereGather::SphereGather(std::shared_ptr<const transport::World> world, const transport::Plan& plan,
-                           const EstimatorSettings& settings)
-    : world_(std::move(world)),
-      plan_(plan),
-      settings_(settings),
-      kernel_(world_, {.max_depth = settings.max_depth}) {}
+SphereGather::SphereGather(std::shared_ptr<const transport::World> world, const EstimatorSettings& settings)
+    : world_(std::move(world)), settings_(settings), kernel_(world_, {.max_depth = settings.max_depth}) {}
 
 void SphereGather::trace(const Vec3f& x, int32_t medium, RandomStream& random, SphereSamples& samples,
                          RayCounters& counters) const {

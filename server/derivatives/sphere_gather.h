@@ -15,6 +15,7 @@ namespace fogbank::derivatives {
 /// One sample of everything around a point; for one thread, reusable. What marches through the medium goes
 /// along the same rays.
 struct SphereSamples {
+  /// `world` and `plan`, which is for the gather's settings, must outlive it.
   SphereSamples(const transport::World& world, const transport::Plan& plan) : rays(world, plan) {}
 
   SphereRays rays;
@@ -25,9 +26,7 @@ struct SphereSamples {
 /// Immutable; serves all threads.
 class SphereGather {
  public:
-  /// `plan` must outlive it, and is for `settings`.
-  SphereGather(std::shared_ptr<const transport::World> world, const transport::Plan& plan,
-               const EstimatorSettings& settings);
+  SphereGather(std::shared_ptr<const transport::World> world, const EstimatorSettings& settings);
 
   /// Traces the rays from `x` in `medium`.
   void trace(const Vec3f& x, int32_t medium, RandomStream& random, SphereSamples& samples,
@@ -46,7 +45,6 @@ class SphereGather {
 
  private:
   std::shared_ptr<const transport::World> world_;
-  const transport::Plan& plan_;
   EstimatorSettings settings_;
   transport::PathTracer kernel_;
 };

@@ -8,7 +8,6 @@
 #include <embree3/rtcore.h>
 #include <time.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -142,7 +141,7 @@ nlohmann::json measure(const std::shared_ptr<const transport::World>& world, con
     EstimatorSettings other = settings;
     other.derivatives = order;
     other.bisect = bisect;
-    return SphereGather(world, plan, other);
+    return SphereGather(world, other);
   };
   const SphereGather value = gather_for(DerivativeOrder::value, false);
   const SphereGather gradient = gather_for(DerivativeOrder::gradient, false);
@@ -250,10 +249,10 @@ int main(int count, char** arguments) {
     std::cerr << "usage: record_bench SCENE.xml POINTS DIRECTIONS...\n";
     return 2;
   }
-  std::vector<int32_t> directions;
-  for (int i = 3; i < count; ++i) directions.push_back(std::atoi(arguments[i]));
   try {
-    fogbank::derivatives::run(arguments[1], std::atoi(arguments[2]), directions);
+    std::vector<int32_t> directions;
+    for (int i = 3; i < count; ++i) directions.push_back(std::stoi(arguments[i]));
+    fogbank::derivatives::run(arguments[1], std::stoi(arguments[2]), directions);
   } catch (const std::exception& error) {
     std::cerr << error.what() << '\n';
     return 1;

@@ -33,7 +33,7 @@ const std::string blockers = R"(
 RadianceJet lit_uniformly(const std::shared_ptr<const transport::World>& world, const Vec3f& x,
                           const EstimatorSettings& settings) {
   const transport::Plan plan(*world, plan_request(settings));
-  const SphereGather gather(world, plan, settings);
+  const SphereGather gather(world, settings);
   SphereSamples samples(*world, plan);
   RandomStream random(settings.seed, 1, 2, 3);
   RayCounters counters;
@@ -136,7 +136,7 @@ TEST(SphereGather, PlateBeforeTheSky) {
     expected -= jet;
   }
   const transport::Plan plan(*world, plan_request(settings));
-  const SphereGather gather(world, plan, settings);
+  const SphereGather gather(world, settings);
   SphereSamples samples(*world, plan);
   RadianceJet mean;
   RayCounters counters;
@@ -167,7 +167,7 @@ TEST(SphereGather, FlatMirrorShowsVirtualImages) {
   settings.order = Order::single;
   settings.samples = 4096;
   const transport::Plan plan(*world, plan_request(settings));
-  const SphereGather gather(world, plan, settings);
+  const SphereGather gather(world, settings);
   SphereSamples samples(*world, plan);
   RandomStream random(1, 2, 3, 4);
   RayCounters counters;
