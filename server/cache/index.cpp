@@ -1,0 +1,156 @@
+#include "cache/index.h"
+
+#include <algorithm>
+#include <bit>
+
+#include "cache/extents.h"
+
+namespace fogbank::cache {
+namespace {
+
+constexpr float greatest_value = 1e30f;
+
+/// Elements where `condition` holds, 0 elsewhere.
+Float8 select(Int8 condition, Float8 values) {
+  return std::bit_cast<Float8>(std::bit_cast<Int8>(values) & condition);
+}
+
+/// M + g . dx for each of eight offsets.
+std::array<Float8, 3> extrapolate(const Shading& shading, Float8 x, Float8 y, Float8 z) {
+  using derivatives::multiply_add;
+  std::array<Float8, 3> result;
+  for (int channel = 0; channel < 3; ++channel) {
+    const auto along = [&](size_t axis) { return broadcast(shading.derivatives[axis][channel]); };
+    const Float8 along_z = multiply_add<float>(along(2), z, broadcast(shading.radiance[channel]));
+    result[static_cast<size_t>(channel)] =
+        multiply_add<float>(along(0), x, multiply_add<float>(along(1), y, along_z));
+  }
+  return result;
+}
+
+}  // namespace
+
+/// Of eight points.
+struct Index::Sums {
+  std::array<Float8, 3> radiance{};
+  Float8 weight{};
+  Int8 records{};
+  Int8 rejected{};
+};
+
+Index::Index(std::shared_ptr<const RecordSet> set, const ComponentRange& range,
+             const MetricSettings& settings)
+    : set_(std::move(set)), range_(&range), depth_guard_(settings.guards.depth) {
+  const std::vector<Ellipsoid> ellipsoids = guarded_ellipsoids(*set_, range, settings);
+  tree_ = EllipsoidTree(set_->positions(range), range.place_count, [&](uint32_t i) { return ellipsoids[i]; });
+}
+
+Interpolation Index::look_up(const Vec3f& point) const {
+  Interpolation result;
+  look_up(std::span(&point, 1), std::span(&result, 1));
+  return result;
+}
+
+void Index::look_up(std::span<const Vec3f> points, std::span<Interpolation> results) const {
+  for (size_t first = 0; first < points.size(); first += packet_size)
+    look_up_bundle(points.subspan(first, std::min<size_t>(packet_size, points.size() - first)),
+                   results.data() + first);
+}
+
+void Index::look_up_bundle(std::span<const Vec3f> points, Interpolation* results) const {
+  constexpr uint32_t most_packets = 48;  // one point touches about 14
+  const PointBundle bundle(points);
+  if (bundle.count > 1 && !tree_.touches_at_most(bundle, most_packets)) {
+    const size_t half = points.size() / 2;
+    look_up_bundle(points.first(half), results);
+    look_up_bundle(points.subspan(half), results + half);
+    return;
+  }
+  Sums sums;
+  tree_.search(set_->positions(*range_), bundle, [&](const uint32_t* places, uint32_t count) {
+    for (uint32_t i = 0; i < count; ++i) add(bundle, places[i], sums);
+  });
+  for (uint32_t lane = 0; lane < bundle.count; ++lane) {
+    Interpolation& result = results[lane];
+    result = {};
+    result.weight = sums.weight[lane];
+    result.records = static_cast<uint32_t>(sums.records[lane]);
+    result.rejected = static_cast<uint32_t>(sums.rejected[lane]);
+    if (result.weight > 0)
+      result.radiance =
+          Spectrum(sums.radiance[0][lane], sums.radiance[1][lane], sums.radiance[2][lane]) / result.weight;
+  }
+}
+
+void Index::add(const PointBundle& points, uint32_t place, Sums& sums) const {
+  const PositionPacket& centres = set_->positions(*range_)[place / packet_size];
+  const uint32_t place_lane = place % packet_size;
+  const Float8 x = points.axes[0] - centres.at(0, place_lane);
+  const Float8 y = points.axes[1] - centres.at(1, place_lane);
+  const Float8 z = points.axes[2] - centres.at(2, place_lane);
+  const Float8 square = tree_.normalised_square(place, x, y, z);
+  Int8 holds = square < 1.0f;
+  if (mask_of(holds) == 0) return;
+  const size_t begin = range_->first_record + range_->begin(place);
+  const size_t end = range_->first_record + range_->end(place);
+
+  if (depth_guard_) {
+    // Most extents end before the nearest surface in any direction: one byte tells, 64 others stay where they
+    // are.
+    const Float8 distance = square_root(x * x + y * y + z * z);
+    const Int8 code = (std::bit_cast<Int8>(distance) >> DepthBins::mantissa_shift) - DepthBins::code_base;
+    for (size_t record = begin; record < end; ++record) {
+      const Int8 doubtful = holds & (code >= int32_t{set_->nearest()[record]});
+      for (uint32_t lanes = mask_of(doubtful); lanes != 0; lanes &= lanes - 1) {
+        const int lane = std::countr_zero(lanes);
+        if (set_->depth()[record].reaches({x[lane], y[lane], z[lane]})) continue;
+        holds[lane] = 0;
+        ++sums.rejected[lane];
+      }
+    }
+  }
+  sums.records -= holds;
+
+  const Float8 d = 1.0f - square_root(square);
+  const Float8 weight = select(holds, d * d * (3.0f - 2.0f * d));
+  std::array<Float8, 3> value;
+  if (end == begin + 1) {
+    value = extrapolate(set_->shading()[begin], x, y, z);
+  } else {
+    value = {};
+    float total = 0;
+    for (size_t record = begin; record < end; ++record) {
+      const auto samples = static_cast<float>(set_->samples(record));
+      total += samples;
+      const std::array<Float8, 3> one = extrapolate(set_->shading()[record], x, y, z);
+      for (size_t channel = 0; channel < 3; ++channel) value[channel] += samples * one[channel];
+    }
+    for (Float8& channel : value) channel /= total;
+  }
+  for (size_t channel = 0; channel < 3; ++channel) {
+    const Float8 clamped = lesser(greater(value[channel], Float8{}), broadcast(greatest_value));
+    sums.radiance[channel] += weight * clamped;
+  }
+  sums.weight += weight;
+}
+
+Epoch::Epoch(std::shared_ptr<const RecordSet> set, const MetricSettings& settings) : set_(std::move(set)) {
+  validate(settings);
+  indices_.reserve(set_->components().size());
+  for (const ComponentRange& range : set_->components()) indices_.emplace_back(set_, range, settings);
+}
+
+const Index* Epoch::find(const Component& component) const {
+  const auto found = std::lower_bound(
+      indices_.begin(), indices_.end(), component,
+      [](const Index& index, const Component& wanted) { return index.component() < wanted; });
+  return found != indices_.end() && found->component() == component ? &*found : nullptr;
+}
+
+size_t Epoch::memory() const {
+  size_t bytes = set_->memory();
+  for (const Index& index : indices_) bytes += index.memory() + sizeof(Index);
+  return bytes;
+}
+
+}  // namespace fogbank::cache

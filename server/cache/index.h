@@ -1,0 +1,68 @@
+// Look-up: the blended, extrapolated radiance of all records whose extent holds a point.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "cache/ellipsoid_tree.h"
+#include "cache/metric.h"
+#include "cache/record_set.h"
+
+namespace fogbank::cache {
+
+/// What the records say about a point.
+struct Interpolation {
+  Spectrum radiance{0};   ///< mean incoming radiance, finite, >= 0; 0 where no record reaches
+  float weight = 0;       ///< sum of weights; 0: no record reaches
+  uint32_t records = 0;   ///< places that count
+  uint32_t rejected = 0;  ///< places whose extent holds the point, yet with a surface between (guard 4)
+};
+
+/// Records of one component for one threshold. Immutable: look-ups take no lock.
+class Index {
+ public:
+  /// `range` belongs to `set`; `settings` are valid.
+  Index(std::shared_ptr<const RecordSet> set, const ComponentRange& range, const MetricSettings& settings);
+
+  /// Weights w = 3 d^2 - 2 d^3 with d = 1 - |W dx|, values max(0, M + g . dx) (method.md section 11), summed
+  /// in the set's order: the same bits for the same set. Values above 1e30 count as that.
+  Interpolation look_up(const Vec3f& point) const;
+  /// The same, to the bit, for several points, results[i] to points[i]. Up to eight in a row are looked up
+  /// together where they lie close together compared with extents, as those of neighbouring pixels do:
+  /// several times faster.
+  void look_up(std::span<const Vec3f> points, std::span<Interpolation> results) const;
+
+  const Component& component() const { return range_->component; }
+  /// Bytes that the index holds besides the set.
+  size_t memory() const { return tree_.memory(); }
+
+ private:
+  struct Sums;
+  void look_up_bundle(std::span<const Vec3f> points, Interpolation* results) const;
+  void add(const PointBundle& points, uint32_t place, Sums& sums) const;
+
+  std::shared_ptr<const RecordSet> set_;
+  const ComponentRange* range_;
+  EllipsoidTree tree_;
+  bool depth_guard_;
+};
+
+/// A set of records ready for look-ups at one threshold: an epoch as it is published.
+class Epoch {
+ public:
+  /// Throws Error(invalid_argument, "INVALID_SETTINGS") as validate() does.
+  Epoch(std::shared_ptr<const RecordSet> set, const MetricSettings& settings);
+
+  const RecordSet& records() const { return *set_; }
+  /// Null where the set holds no record of it.
+  const Index* find(const Component& component) const;
+  /// Bytes of records and indices together.
+  size_t memory() const;
+
+ private:
+  std::shared_ptr<const RecordSet> set_;
+  std::vector<Index> indices_;  ///< ascending by component
+};
+
+}  // namespace fogbank::cache

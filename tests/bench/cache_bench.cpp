@@ -1,0 +1,104 @@
+// Look-ups a second of the radiance cache, and the time to publish an epoch, against the number of records.
+// Each point lies in about 12 records; run with --benchmark_filter=.../1000000 for a size. Counters: records
+// that count at a point, bytes a record of set and index together.
+#include <benchmark/benchmark.h>
+
+#include "../unit/cache/record_clouds.h"
+#include "cache/index.h"
+
+namespace fogbank::cache {
+namespace {
+
+constexpr double overlap = 12;
+
+struct Cloud {
+  std::shared_ptr<const RecordSet> set;
+  std::unique_ptr<Epoch> epoch;
+};
+
+/// The last one made is kept: benchmarks of a size follow each other.
+const Cloud& cloud(test::Layout layout, size_t count) {
+  static Cloud last;
+  static test::Layout last_layout{};
+  static size_t last_count = 0;
+  if (count != last_count || layout != last_layout) {
+    last = {};
+    last.set = std::make_shared<RecordSet>(test::make_cloud(layout, count, overlap, 7));
+    last.epoch = std::make_unique<Epoch>(last.set, test::cloud_settings());
+    last_layout = layout;
+    last_count = count;
+  }
+  return last;
+}
+
+/// Points of the unit cube: independent ones, or those of rays through 256 x 256 pixels, 64 along each, by
+/// blocks of 4 x 2 pixels at the same distance, as a camera pass takes them.
+std::vector<Vec3f> points(bool along_rays) {
+  std::vector<Vec3f> result;
+  RandomStream random(3, 0, 0, 0);
+  for (uint32_t block = 0; block < 256; ++block) {
+    for (uint32_t step = 0; step < 64; ++step) {
+      for (uint32_t pixel = 0; pixel < 8; ++pixel) {
+        const auto x = static_cast<float>(100 + block % 16 * 4 + pixel % 4);
+        const auto y = static_cast<float>(100 + block / 16 * 2 + pixel / 4);
+        const Vec3f direction((x + 0.5f) / 256 - 0.5f, (y + 0.5f) / 256 - 0.5f, 1);
+        const float distance = 0.2f + (static_cast<float>(step) + 0.5f) / 64;
+        if (along_rays)
+          result.push_back(Vec3f(0.5f, 0.5f, -0.2f) + distance * direction);
+        else
+          result.emplace_back(random.next_float(), random.next_float(), random.next_float());
+      }
+    }
+  }
+  return result;
+}
+
+void look_up(benchmark::State& state, test::Layout layout, bool along_rays) {
+  const Cloud& records = cloud(layout, static_cast<size_t>(state.range(0)));
+  const Index& index = *records.epoch->find({});
+  const std::vector<Vec3f> where = points(along_rays);
+  std::array<Interpolation, packet_size> results;
+  size_t first = 0;
+  double used = 0;
+  for (auto _ : state) {
+    index.look_up(std::span(where).subspan(first, packet_size), results);
+    first = (first + packet_size) % where.size();
+    used += results[0].records;
+  }
+  state.SetItemsProcessed(static_cast<int64_t>(state.iterations() * packet_size));
+  state.counters["records"] = used / static_cast<double>(state.iterations());
+  state.counters["bytes"] =
+      static_cast<double>(records.epoch->memory()) / static_cast<double>(records.set->size());
+}
+
+void publish(benchmark::State& state, test::Layout layout) {
+  const Cloud& records = cloud(layout, static_cast<size_t>(state.range(0)));
+  for (auto _ : state) {
+    const Epoch epoch(records.set, test::cloud_settings());
+    benchmark::DoNotOptimize(epoch.find({}));
+  }
+  state.SetItemsProcessed(static_cast<int64_t>(state.iterations() * records.set->size()));
+}
+
+BENCHMARK_CAPTURE(look_up, uniform_rays, test::Layout::uniform, true)
+    ->RangeMultiplier(10)
+    ->Range(1000, 1000000);
+BENCHMARK_CAPTURE(look_up, uniform_random, test::Layout::uniform, false)
+    ->RangeMultiplier(10)
+    ->Range(1000, 1000000);
+BENCHMARK_CAPTURE(look_up, sheets_rays, test::Layout::sheets, true)
+    ->RangeMultiplier(10)
+    ->Range(1000, 1000000);
+BENCHMARK_CAPTURE(look_up, sheets_random, test::Layout::sheets, false)
+    ->RangeMultiplier(10)
+    ->Range(1000, 1000000);
+BENCHMARK_CAPTURE(publish, uniform, test::Layout::uniform)
+    ->Arg(100000)
+    ->UseRealTime()
+    ->MeasureProcessCPUTime();
+BENCHMARK_CAPTURE(publish, sheets, test::Layout::sheets)->Arg(100000)->UseRealTime()->MeasureProcessCPUTime();
+
+}  // namespace
+}  // namespace fogbank::cache
+
+BENCHMARK_MAIN();

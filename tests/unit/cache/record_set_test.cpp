@@ -1,0 +1,186 @@
+#include "cache/record_set.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstring>
+
+#include "cache/hilbert.h"
+#include "core/error.h"
+#include "record_clouds.h"
+
+namespace fogbank::cache {
+namespace {
+
+using test::Layout;
+using test::make_cloud;
+
+std::vector<Record> all(const RecordSet& set) {
+  std::vector<Record> records;
+  for (size_t i = 0; i < set.size(); ++i) records.push_back(set.record(i));
+  return records;
+}
+
+bool same(const std::vector<Record>& a, const std::vector<Record>& b) {
+  return a.size() == b.size() &&
+         (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(Record)) == 0);
+}
+
+bool same(const RecordSet& a, const RecordSet& b) { return same(all(a), all(b)); }
+
+/// Records of several components, some places with several records, all numbers in use.
+std::vector<Record> varied(size_t count, uint64_t seed) {
+  std::vector<Record> records = make_cloud(Layout::sheets, count, 12, seed);
+  RandomStream random(seed, 0, 0, 0, 9);
+  for (size_t i = 0; i < count; ++i) {
+    Record& record = records[i];
+    if (i % 4 == 3) record.position = records[i - 1].position;
+    record.component = {static_cast<int32_t>(i / 4 % 2), static_cast<uint16_t>(i / 8 % 3), 1};
+    record.radiance = {random.next_float(), random.next_float(), random.next_float()};
+    for (Vec3f& gradient : record.gradient)
+      gradient = {random.next_float(), random.next_float(), random.next_float()};
+    record.depth.insert({1, random.next_float(), 0}, random.next_float());
+    record.visibility_margin = 0.1f + random.next_float();
+    record.samples = 1 + i % 5;
+    record.variance = random.next_float();
+    record.id = content_id(record.position, record.component, "varied", seed * count + i);
+  }
+  return records;
+}
+
+TEST(RecordSet, KeepsEveryNumber) {
+  std::vector<Record> records = varied(1000, 1);
+  const RecordSet set(records);
+  ASSERT_EQ(set.size(), records.size());
+  std::vector<Record> kept = all(set);
+  const auto by_id = [](const Record& a, const Record& b) { return a.id < b.id; };
+  std::sort(records.begin(), records.end(), by_id);
+  std::sort(kept.begin(), kept.end(), by_id);
+  EXPECT_TRUE(same(records, kept));
+}
+
+TEST(RecordSet, OrderIsAFunctionOfTheSet) {
+  std::vector<Record> records = varied(500, 2);
+  const RecordSet set(records);
+  std::reverse(records.begin(), records.end());
+  EXPECT_TRUE(same(set, RecordSet(records)));
+  std::rotate(records.begin(), records.begin() + 123, records.end());
+  records.insert(records.end(), records.begin(), records.begin() + 50);
+  EXPECT_TRUE(same(set, RecordSet(records)));
+}
+
+TEST(RecordSet, UnionIsCommutativeAssociativeIdempotent) {
+  const std::vector<Record> records = varied(600, 3);
+  const RecordSet a(std::vector<Record>(records.begin(), records.begin() + 300));
+  const RecordSet b(std::vector<Record>(records.begin() + 200, records.begin() + 450));
+  const RecordSet c(std::vector<Record>(records.begin() + 400, records.end()));
+  EXPECT_TRUE(same(merge(a, b), merge(b, a)));
+  EXPECT_TRUE(same(merge(merge(a, b), c), merge(a, merge(b, c))));
+  EXPECT_TRUE(same(merge(merge(a, b), merge(b, c)), RecordSet(records)));
+  EXPECT_TRUE(same(merge(a, a), a));
+  EXPECT_TRUE(same(merge(a, RecordSet()), a));
+  EXPECT_TRUE(same(merge(RecordSet(), a), a));
+}
+
+TEST(RecordSet, DisagreementIsSettledTheSameWayInAnyOrder) {
+  std::vector<Record> records = varied(10, 4);
+  Record other = records[5];
+  other.radiance.x += 0x1p-20f;
+  size_t conflicts = 0;
+  std::vector<Record> first = records;
+  first.push_back(other);
+  std::vector<Record> second = records;
+  second.insert(second.begin(), other);
+  const RecordSet a(first, &conflicts);
+  EXPECT_EQ(conflicts, 1u);
+  EXPECT_EQ(a.size(), records.size());
+  EXPECT_TRUE(same(a, RecordSet(second)));
+  const RecordSet agreed(records, &conflicts);
+  EXPECT_EQ(conflicts, 0u);
+}
+
+TEST(RecordSet, GroupsByComponentAndPlace) {
+  const RecordSet set(varied(400, 5));
+  size_t records = 0;
+  for (const ComponentRange& range : set.components()) {
+    EXPECT_EQ(range.first_record, records);
+    records += range.record_count;
+    EXPECT_EQ(range.end(range.place_count - 1), range.record_count);
+    for (uint32_t place = 0; place < range.place_count; ++place)
+      for (uint32_t i = range.begin(place); i < range.end(place); ++i) {
+        EXPECT_EQ(set.record(range.first_record + i).position, set.place(range, place).position);
+        EXPECT_EQ(set.record(range.first_record + i).component, range.component);
+      }
+  }
+  EXPECT_EQ(records, set.size());
+}
+
+TEST(RecordSet, PlaceIsTheMeanBySamples) {
+  Record a;
+  a.id = 1;
+  a.position = {1, 2, 3};
+  a.radiance = {1, 2, 3};
+  a.gradient[1] = {1, 0, 0};
+  a.hessian(0, 1) = 8;
+  a.samples = 300;
+  a.variance = 1;
+  a.visibility_margin = 2;
+  Record b = a;
+  b.id = 2;
+  b.radiance = {5, 2, -0.0f};
+  b.gradient[1] = {5, 4, 0};
+  b.hessian(0, 1) = 0;
+  b.samples = 100;
+  b.variance = 16;
+  b.visibility_margin = 3;
+  const RecordSet set({b, a});
+  ASSERT_EQ(set.components().size(), 1u);
+  ASSERT_EQ(set.components()[0].place_count, 1u);
+  const Place place = set.place(set.components()[0], 0);
+  EXPECT_EQ(place.radiance, Spectrum(2, 2, 2.25f));
+  EXPECT_EQ(place.gradient[1], Vec3f(2, 1, 0));
+  EXPECT_EQ(place.hessian(0, 1), 6);
+  EXPECT_EQ(place.visibility_margin, 2);
+  EXPECT_FLOAT_EQ(place.variance, 0.75f * 0.75f * 1 + 0.25f * 0.25f * 16);
+}
+
+TEST(RecordSet, RefusesBadRecords) {
+  std::vector<Record> records(3);
+  records[1].radiance.x = infinity;
+  EXPECT_THROW(RecordSet{records}, Error);
+}
+
+TEST(RecordSet, Empty) {
+  const RecordSet set(std::vector<Record>{});
+  EXPECT_EQ(set.size(), 0u);
+  EXPECT_TRUE(set.components().empty());
+}
+
+TEST(HilbertCurve, NeighboursOnTheCurveAreNeighboursInSpace) {
+  // The defining property: all 8^3 cells of a cube of 8 cells are visited, each a step from the one before.
+  const HilbertCurve curve(0.75f);  // cells of 2^-20
+  std::vector<std::pair<uint64_t, Vec3f>> cells;
+  for (int x = 0; x < 8; ++x)
+    for (int y = 0; y < 8; ++y)
+      for (int z = 0; z < 8; ++z) {
+        const Vec3f centre = (Vec3f(x, y, z) + 0.5f) * 0x1p-20f;
+        cells.emplace_back(curve.index(centre), centre);
+      }
+  std::sort(cells.begin(), cells.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  for (size_t i = 1; i < cells.size(); ++i) {
+    EXPECT_EQ(cells[i].first, cells[i - 1].first + 1);
+    EXPECT_EQ(glm::distance(cells[i].second, cells[i - 1].second), 0x1p-20f);
+  }
+}
+
+TEST(HilbertCurve, AnyExtent) {
+  for (const float extent : {0.0f, 1e-38f, 1.0f, 3e38f}) {
+    const HilbertCurve curve(extent);
+    EXPECT_LT(curve.index(Vec3f(extent)), uint64_t{1} << 63);
+    EXPECT_LT(curve.index(Vec3f(-extent)), uint64_t{1} << 63);
+    EXPECT_EQ(extent > 0, curve.index(Vec3f(extent)) != curve.index(Vec3f(-extent)));
+  }
+}
+
+}  // namespace
+}  // namespace fogbank::cache
