@@ -12,8 +12,9 @@ namespace {
 
 /// Where infinity is, in radii of the scene (method.md section 7).
 constexpr double far_radii = 1e4;
-/// Least distance to a light, in radii of the scene: below it single precision no longer tells points apart.
-constexpr double least_radii = 1e-7;
+/// Least distance to a light, in radii of the scene: against lengths of 0 alone. The closed forms hold down to
+/// it, and a light that is moved away further ends up behind itself as shadow rays see it.
+constexpr double least_radii = 1e-12;
 
 /// What lies beyond the range of doubles (a point on a light's very edge) has no derivative to speak of.
 void add_finite(const Jet3d& jet, Jet3d& sum) {
