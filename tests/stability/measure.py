@@ -105,7 +105,7 @@ def numbers(quantity: Any) -> list[float | None]:  # noqa: ANN401 - JSON
 
 
 def relative_error(found: list[float | None], expected: list[float | None], smallest: float) -> float:
-    """In the maximum norm; what is below the smallest normal number may come out as 0."""
+    """In the maximum norm; what is below `smallest` may come out as 0. Absolute where exactly nothing is expected."""
     pairs = [(f, e) for f, e in zip(found, expected, strict=True) if f is not None and e is not None]
     if len(pairs) < len(expected):
         return math.inf
@@ -113,7 +113,7 @@ def relative_error(found: list[float | None], expected: list[float | None], smal
     error = max(abs(f - e) for f, e in pairs)
     if size < smallest:
         return 0.0 if error <= 2 * smallest else math.inf
-    return error / size
+    return error / size if size > 0 else error
 
 
 def is_wrong_sign(found: Json, expected: Json, errors: Sequence[float]) -> bool:

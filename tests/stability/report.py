@@ -16,6 +16,7 @@ from matplotlib.patches import Patch
 
 from tests.stability.cases import Family
 from tests.stability.measure import EPSILON, QUANTITIES, Row
+from tests.stability.scenes import SceneFamily, is_as_allowed
 
 COLORS = {"value": "tab:blue", "gradient": "tab:orange", "hessian": "tab:green"}
 MARKERS = {"arctangent": "o", "edge": "^", "arctangent, edge": "s", "": "o"}
@@ -95,6 +96,52 @@ def write_markdown(path: Path, families: Sequence[Family], rows: Sequence[Row]) 
                     f"| {', '.join(row.forms)} | {verdict(family, row)} |"
                 )
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def write_scene_markdown(path: Path, families: Sequence[SceneFamily], rows: Sequence[Row]) -> None:
+    lines = [
+        "# Stability of the occlusion-aware estimator",
+        "",
+        "Largest errors of whole estimates in stiff scenes: 1024 directions, hence 8 x 8 cells a light, all terms of",
+        "the Hessian. What is allowed includes the resolution of that grid.",
+    ]
+    for family in families:
+        allowed = ", ".join(f"{a:g}" for a in family.allowed)
+        lines += ["", f"## {family.name}", "", f"{family.note[0].upper()}{family.note[1:]}. Allowed: {allowed}.", ""]
+        lines.append(f"| {family.parameter} | value | gradient | Hessian | |")
+        lines.append("| --- | --- | --- | --- | --- |")
+        for row in rows:
+            if row.family == family.name:
+                errors = " | ".join(number(error) for error in row.errors)
+                lines.append(f"| {row.parameter:g} | {errors} | {'' if is_as_allowed(family, row) else 'EXCEEDED'} |")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def plot_scenes(path: Path, families: Sequence[SceneFamily], rows: Sequence[Row]) -> None:
+    columns = 3
+    lines = math.ceil(len(families) / columns)
+    figure, grid = plt.subplots(lines, columns, figsize=(4 * columns, 2.8 * lines), squeeze=False)
+    for axes, family in zip(grid.flat, families, strict=False):
+        own = [row for row in rows if row.family == family.name]
+        for i, quantity in enumerate(QUANTITIES):
+            errors = [max(row.errors[i], EPSILON["double"] / 16) for row in own]
+            axes.plot(family.parameters, errors, "o-", color=COLORS[quantity], linewidth=1, markersize=3)
+            axes.axhline(family.allowed[i], color=COLORS[quantity], linewidth=0.8, linestyle=":")
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.set_ylim(1e-18, 1e2)
+        axes.set_title(family.name, fontsize=9)
+        axes.set_xlabel(family.parameter, fontsize=8)
+        axes.tick_params(labelsize=7)
+    for axes in list(grid.flat)[len(families) :]:
+        axes.set_visible(False)
+    handles = [Line2D([], [], color=color, label=quantity) for quantity, color in COLORS.items()]
+    handles.append(Line2D([], [], color="k", linestyle=":", label="allowed"))
+    figure.legend(handles=handles, loc="upper center", ncols=len(handles), fontsize=9, frameon=False)
+    figure.supylabel("error", fontsize=9)
+    figure.tight_layout(rect=(0, 0, 1, 1 - 0.35 / figure.get_figheight()))
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
 
 
 def plot_family(axes: Axes, family: Family, rows: Sequence[Row]) -> None:

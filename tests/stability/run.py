@@ -1,8 +1,9 @@
-"""Errors of the closed forms in stiff and extreme configurations: tables and plots into out/stability.
+"""Errors of closed forms and of whole estimates in stiff and extreme cases: tables and plots into out/stability.
 
 python -m tests.stability.run [--shapes N]
 
-Exit status 1 if a number isn't finite, or has the wrong sign where the precision is said to be enough.
+Exit status 1 if a number isn't finite, has the wrong sign where the precision is said to be enough, or an estimate is
+further off than allowed.
 """
 
 import argparse
@@ -12,6 +13,7 @@ from tests.bench.engines import ROOT
 from tests.stability import report
 from tests.stability.cases import FAMILIES
 from tests.stability.measure import measure
+from tests.stability.scenes import SCENE_FAMILIES, is_as_allowed, measure_scenes
 
 
 def main() -> int:
@@ -28,8 +30,16 @@ def main() -> int:
     for row in bad:
         verdict = report.verdict(by_name[row.family], row)
         print(f"{row.family}, {row.parameter:g}, {row.precision}: {verdict}", file=sys.stderr)
-    print(f"{len(rows)} rows; tables and plots in {folder.relative_to(ROOT)}")
-    return 1 if bad else 0
+    scene_rows = measure_scenes(SCENE_FAMILIES)
+    report.write_csv(folder / "scenes.csv", scene_rows)
+    report.write_scene_markdown(folder / "scenes.md", SCENE_FAMILIES, scene_rows)
+    report.plot_scenes(folder / "scenes.png", SCENE_FAMILIES, scene_rows)
+    scenes_by_name = {family.name: family for family in SCENE_FAMILIES}
+    exceeded = [row for row in scene_rows if not is_as_allowed(scenes_by_name[row.family], row)]
+    for row in exceeded:
+        print(f"{row.family}, {row.parameter:g}: errors {row.errors} exceed what is allowed", file=sys.stderr)
+    print(f"{len(rows) + len(scene_rows)} rows; tables and plots in {folder.relative_to(ROOT)}")
+    return 1 if bad or exceeded else 0
 
 
 if __name__ == "__main__":
