@@ -8,9 +8,10 @@ namespace fogbank::transport {
 
 namespace {
 
-/// Share of the largest coordinate within which points count as on a plane: vertices are rounded to single
-/// precision after `to_world`. Shadow rays stop short of the light by 1e-4 of their length, so they don't see
-/// what is that near to it either.
+/// Share of the largest coordinate, or of the scene's radius where that is less, within which points count as
+/// on a plane: vertices are rounded to single precision after `to_world`. Far from the origin that rounding
+/// is larger; walls then count as obstacles, which costs rays and nothing else. Shadow rays stop short of the
+/// light by 1e-4 of their length, so they don't see what is that near to it either.
 constexpr double coplanar_share = 1e-6;
 
 struct Range {
@@ -181,7 +182,7 @@ class ObstacleFinder {
     for (const uint32_t shape : round_)
       if (shape != hull.shape || !hull.own_free) result.anywhere_ = true;
     if (result.anywhere_) return;
-    const double tolerance = coplanar_share * largest_;
+    const double tolerance = coplanar_share * std::min(largest_, static_cast<double>(scene_.bounds.radius));
     const double light_offset = hull.flat ? -glm::dot(hull.normal, hull.points.front().position) : 0;
     for (const Triangle& triangle : triangles_) {
       if (hull.flat && std::all_of(triangle.vertices.begin(), triangle.vertices.end(), [&](const Vec3d& v) {
