@@ -42,8 +42,8 @@ class EllipsoidTree {
     const uint32_t root = 0;
     if (!levels_.empty()) descend(levels_.size() - 1, &root, 1, positions.data(), points, visitor);
   }
-  /// Whether the box around the points touches no more than `limit` packets: beyond some three times what
-  /// holds one point, points are cheaper apart.
+  /// Whether the box around the points touches no more than `limit` packets: beyond
+  /// some twice what one point touches, points are cheaper apart.
   bool touches_at_most(const PointBundle& points, uint32_t limit) const {
     return levels_.empty() || count(levels_.size() - 1, 0, points, limit);
   }

@@ -58,7 +58,7 @@ void Index::look_up(std::span<const Vec3f> points, std::span<Interpolation> resu
 }
 
 void Index::look_up_bundle(std::span<const Vec3f> points, Interpolation* results) const {
-  constexpr uint32_t most_packets = 48;  // one point touches about 14
+  constexpr uint32_t most_packets = 28;  // one point touches about 14
   const PointBundle bundle(points);
   if (bundle.count > 1 && !tree_.touches_at_most(bundle, most_packets)) {
     const size_t half = points.size() / 2;
