@@ -14,6 +14,7 @@ struct Place {
 TEST(RealScenes, AwareSeesPenumbraeThatUnawareDoesNot) {
   const std::vector<Place> places{
       {test::compared_scenes()[0], {Vec3f(5.07881f, 2.21538f, 4.42237f)}},
+      {test::compared_scenes()[1], {Vec3f(-1.31814f, 0.904618f, 1.95048f)}},
   };
   EstimatorSettings settings;
   settings.order = Order::single;
