@@ -39,9 +39,10 @@ std::vector<Vec3f> points(bool along_rays) {
   for (uint32_t block = 0; block < 256; ++block) {
     for (uint32_t step = 0; step < 64; ++step) {
       for (uint32_t pixel = 0; pixel < 8; ++pixel) {
-        const auto x = static_cast<float>(100 + block % 16 * 4 + pixel % 4);
-        const auto y = static_cast<float>(100 + block / 16 * 2 + pixel / 4);
-        const Vec3f direction((x + 0.5f) / 256 - 0.5f, (y + 0.5f) / 256 - 0.5f, 1);
+        const uint32_t column = 100 + block % 16 * 4 + pixel % 4;
+        const uint32_t row = 100 + block / 16 * 2 + pixel / 4;
+        const Vec3f direction((static_cast<float>(column) + 0.5f) / 256 - 0.5f,
+                              (static_cast<float>(row) + 0.5f) / 256 - 0.5f, 1);
         const float distance = 0.2f + (static_cast<float>(step) + 0.5f) / 64;
         if (along_rays)
           result.push_back(Vec3f(0.5f, 0.5f, -0.2f) + distance * direction);

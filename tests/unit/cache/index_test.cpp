@@ -4,6 +4,8 @@
 #include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 
+#include <array>
+#include <bit>
 #include <cstring>
 
 #include "cache/extents.h"
@@ -233,12 +235,13 @@ TEST(Index, PointsTogetherGiveTheSameBitsAsOneByOne) {
     for (int i = 0; i < 7; ++i)
       points.push_back(centre + spread * square_to_uniform_sphere(random.next_vec2()));
   }
+  using Bits = std::array<uint32_t, 6>;
   std::vector<Interpolation> together(points.size());
   index.look_up(points, together);
   uint32_t records = 0;
   for (size_t i = 0; i < points.size(); ++i) {
     const Interpolation alone = index.look_up(points[i]);
-    EXPECT_EQ(std::memcmp(&alone, &together[i], sizeof(alone)), 0);
+    EXPECT_EQ(std::bit_cast<Bits>(alone), std::bit_cast<Bits>(together[i]));
     records += alone.records;
   }
   EXPECT_GT(records, points.size());
