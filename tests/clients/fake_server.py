@@ -6,6 +6,7 @@ It is for tests of the client alone; what a real server does is tested end to en
 from __future__ import annotations
 
 import hashlib
+import math
 import posixpath
 import re
 import threading
@@ -17,6 +18,8 @@ from typing import NoReturn
 
 import grpc
 from fogbank._generated.v1 import (
+    probe_pb2,
+    probe_pb2_grpc,
     render_pb2,
     render_pb2_grpc,
     scene_pb2,
@@ -26,6 +29,7 @@ from fogbank._generated.v1 import (
 )
 from grpc_status import rpc_status
 
+from tests.clients import fake_probe
 from tests.clients.fake_job import ENDLESS, FAILING, NORMAL, FakeJob, status
 
 CHUNK_LIMIT = 64
@@ -61,12 +65,18 @@ class Faults:
     end_watches_early: int = 0
     """So many WatchJob streams end with OK after the snapshot, without a terminal event."""
 
+    cut_probes_after: list[int] = field(default_factory=list)
+    """Messages after which a Probe stream breaks."""
+
     damage_image: bool = False
     """DownloadImage sends other bytes than announced."""
 
 
 class FakeServer(
-    scene_pb2_grpc.SceneServiceServicer, render_pb2_grpc.RenderServiceServicer, server_pb2_grpc.ServerServiceServicer
+    scene_pb2_grpc.SceneServiceServicer,
+    render_pb2_grpc.RenderServiceServicer,
+    probe_pb2_grpc.ProbeServiceServicer,
+    server_pb2_grpc.ServerServiceServicer,
 ):
     """The services; `start` makes them reachable.
 
@@ -78,6 +88,7 @@ class FakeServer(
         chunks_received: number of upload messages with bytes.
         upload_offsets: where each upload stream began.
         create_job_requests: as they came.
+        probe_headers: as they came.
     """
 
     def __init__(self) -> None:
@@ -90,6 +101,7 @@ class FakeServer(
         self.chunks_received = 0
         self.upload_offsets: list[int] = []
         self.create_job_requests: list[render_pb2.CreateJobRequest] = []
+        self.probe_headers: list[probe_pb2.ProbeHeader] = []
         self.hold_jobs = False
         self._lock = threading.Lock()
         self._server: grpc.Server | None = None
@@ -99,6 +111,7 @@ class FakeServer(
         self._server = grpc.server(futures.ThreadPoolExecutor(max_workers=32))
         scene_pb2_grpc.add_SceneServiceServicer_to_server(self, self._server)
         render_pb2_grpc.add_RenderServiceServicer_to_server(self, self._server)
+        probe_pb2_grpc.add_ProbeServiceServicer_to_server(self, self._server)
         server_pb2_grpc.add_ServerServiceServicer_to_server(self, self._server)
         port = self._server.add_insecure_port(address)
         self._server.start()
@@ -331,6 +344,49 @@ class FakeServer(
             yield render_pb2.DownloadImageResponse(size=len(data), sha256=sha256, offset=offset, chunk=chunk)
             left = None if left is None else left - 1
 
+    # Probes
+
+    def Probe(  # noqa: N802
+        self, request_iterator: Iterable[probe_pb2.ProbeRequest], context: grpc.ServicerContext
+    ) -> Iterator[probe_pb2.ProbeResponse]:
+        """As in the contract; breaks off as the faults say; refuses points whose x is not finite."""
+        requests = iter(request_iterator)
+        header = next(requests).header
+        self.probe_headers.append(header)
+        if header.settings.method not in ("", fake_probe.METHOD):
+            message = f"settings.method: {header.settings.method!r} is not one of: aware"
+            self._fail(context, 3, "INVALID_SETTINGS", message, field="settings.method")
+        left = self.faults.cut_probes_after.pop(0) if self.faults.cut_probes_after else None
+
+        def checked() -> Iterator[probe_pb2.ProbeRequest]:
+            received = 0
+            for request in requests:
+                for x in request.points.coordinates[::3]:
+                    if not math.isfinite(x):
+                        name = f"points[{received}]"
+                        self._fail(context, 3, "INVALID_POINT", f"{name}: a coordinate is not finite", field=name)
+                    received += 1
+                yield request
+
+        for response in fake_probe.answers(header, checked()):
+            if left == 0:
+                context.abort(grpc.StatusCode.UNAVAILABLE, "connection lost")
+            yield response
+            left = None if left is None else left - 1
+
+    def GetPlan(  # noqa: N802
+        self, request: probe_pb2.GetPlanRequest, context: grpc.ServicerContext
+    ) -> probe_pb2.GetPlanResponse:
+        """Two terms, one of them as the request has it."""
+        self._maybe_unavailable(context)
+        reason = f"{probe_pb2.ProbeOrder.Name(request.order)}, max_depth {request.max_depth}"
+        return probe_pb2.GetPlanResponse(
+            terms=[
+                probe_pb2.PlanTerm(term="light grids", on=True, reason=reason),
+                probe_pb2.PlanTerm(term="sphere grid", on=False, reason="no surface reflects light"),
+            ]
+        )
+
     # Server
 
     def GetCapabilities(  # noqa: N802
@@ -342,6 +398,7 @@ class FakeServer(
             version="0.0.1",
             build_id="fake",
             integrators=[server_pb2.Integrator(name=NORMAL, description="path tracing in fog")],
+            probe_methods=[server_pb2.ProbeMethod(name=fake_probe.METHOD, description="sees what blocks light")],
             limits=[
                 server_pb2.Limit(name="max_upload_chunk_bytes", value=CHUNK_LIMIT, unit="bytes", description="chunk")
             ],

@@ -217,13 +217,13 @@ def point_array(points: PointsLike) -> FloatArray:
         array = np.asarray(points, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InvalidArgumentError(f"points: {error}", metadata={"field": "points"}) from None
-    if array.ndim == 1 and array.size != 3 and array.size != 0:
-        raise InvalidArgumentError(f"points: {array.size} numbers are no point", metadata={"field": "points"})
-    if array.size == 0 and array.ndim <= 2:
+    if array.shape == (3,):
+        return array.reshape(1, 3)
+    if array.shape == (0,):
         return np.zeros((0, 3))
-    if array.ndim > 2 or array.shape[-1] != 3:
+    if array.ndim != 2 or array.shape[1] != 3:
         raise InvalidArgumentError(f"points: shape {array.shape} is not (n, 3)", metadata={"field": "points"})
-    return array.reshape(-1, 3)
+    return array
 
 
 # Places of the packed upper triangle (xx, xy, xz, yy, yz, zz) in the whole symmetric matrix.
