@@ -1,15 +1,29 @@
-// How many rays were traced.
+// What a computation that traces rays shares with whoever asked for it.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
+#include <exception>
 
 namespace fogbank {
+
+/// Thrown where a computation finds that its result isn't wanted any more.
+class Interrupted : public std::exception {
+ public:
+  const char* what() const noexcept override { return "interrupted"; }
+};
 
 /// Counters of one thread; added up when a tile is done.
 struct RayCounters {
   uint64_t closest_hit = 0;
   uint64_t any_hit = 0;
+  const std::atomic<bool>* stop = nullptr;  ///< set from outside once the result isn't wanted any more
+
   uint64_t total() const { return closest_hit + any_hit; }
+  /// Throws Interrupted when `stop` is set. Called once a path where a computation takes many.
+  void poll() const {
+    if (stop != nullptr && stop->load(std::memory_order_relaxed)) throw Interrupted();
+  }
 };
 
 }  // namespace fogbank

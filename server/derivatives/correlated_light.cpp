@@ -38,6 +38,7 @@ ValueBatches CorrelatedLight::at(const Vec3d& x, int32_t medium, RayCounters& co
   const float share = 1.0f / static_cast<float>(side_);
   const Vec3f at(x);
   for (int32_t j = 0; j < side_; ++j) {
+    counters.poll();
     for (int32_t i = 0; i < side_; ++i) {
       RandomStream random =
           random_at(around_, seed_, repeat_, first_stream + static_cast<uint32_t>(j * side_ + i));

@@ -2,10 +2,8 @@
 // One file per method, one line in estimator_registry.cpp.
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -68,15 +66,12 @@ class Estimator {
   virtual ~Estimator() = default;
   /// One independent estimate at `x`; `repeat` selects its random numbers. A pure function of (world,
   /// settings, x, repeat). Finite always. Lengths that are 0 (x on a surface) count as the smallest that
-  /// method.md section 4.5 allows.
+  /// method.md section 4.5 allows. Throws Interrupted soon after `counters.stop` was set.
   virtual RadianceJet estimate(const Vec3f& x, uint32_t repeat, RayCounters& counters) const = 0;
 };
 
 /// Averages `settings.repeats` estimates.
 PointEstimate average(const Estimator& estimator, const EstimatorSettings& settings, const Vec3f& x);
-/// As above; nullopt when `stop` was set meanwhile, which is looked at between two estimates.
-std::optional<PointEstimate> average(const Estimator& estimator, const EstimatorSettings& settings,
-                                     const Vec3f& x, const std::atomic<bool>& stop);
 
 /// Throws Error(invalid_argument, "UNKNOWN_METHOD") naming the known ones, and as `validate`.
 std::unique_ptr<Estimator> make_estimator(const std::string& method,

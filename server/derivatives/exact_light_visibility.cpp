@@ -249,6 +249,7 @@ class VisibleLight {
 Vec3d exact_direct_light(const transport::World& world, const transport::Plan& plan, uint32_t light,
                          const Vec3d& x, int32_t medium, const VisibilityPrecision& precision,
                          RayCounters& counters) {
+  counters.poll();
   const std::optional<LightPatch> patch = light_patch(world.lights().light(light).shape(), x);
   if (!patch) return Vec3d(0);
   return VisibleLight(world, plan, light, x, medium, *patch, precision, counters).integrate_lines();

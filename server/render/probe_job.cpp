@@ -9,6 +9,7 @@
 
 namespace fogbank::render {
 
+using derivatives::EstimateAverage;
 using derivatives::EstimatorSettings;
 using derivatives::Jet3d;
 using derivatives::PointEstimate;
@@ -48,6 +49,7 @@ void ProbeJob::add(std::vector<Vec3f> points) {
   points_in_flight_ += points.size();
   Chunk& chunk = chunks_.emplace_back();
   chunk.points = std::move(points);
+  chunk.averages.resize(chunk.points.size());
   chunk.results.resize(chunk.points.size());
 }
 
@@ -57,29 +59,45 @@ bool ProbeJob::has_work() const {
 }
 
 bool ProbeJob::has_work_locked() const {
-  return !stop_ && first_open_ < chunks_.size() && (estimator_ || !making_estimator_);
+  const bool points = !left_.empty() || first_open_ < chunks_.size();
+  return !stop_ && points && (estimator_ || !making_estimator_);
 }
 
 std::optional<ProbeJob::Claim> ProbeJob::claim() {
   const std::lock_guard lock(mutex_);
   if (!estimator_ || !has_work_locked()) return std::nullopt;
+  if (!left_.empty()) {
+    const Claim claimed = left_.front();
+    left_.pop_front();
+    return claimed;
+  }
   Chunk& chunk = chunks_[first_open_];
   const Claim claimed{.chunk = &chunk, .index = chunk.begun++};
   if (chunk.begun == chunk.points.size()) ++first_open_;
   return claimed;
 }
 
-bool ProbeJob::make_ready() {
-  {
-    const std::lock_guard lock(mutex_);
-    if (estimator_) return true;
-    if (making_estimator_ || stop_) return false;
-    making_estimator_ = true;
+bool ProbeJob::advance(const Claim& claimed, std::chrono::steady_clock::time_point end) {
+  const Vec3f& x = claimed.chunk->points[claimed.index];
+  EstimateAverage& average = claimed.chunk->averages[claimed.index];
+  do {
+    if (!average.add(*estimator_, x, stop_)) return false;
+  } while (average.count() < settings_.repeats && std::chrono::steady_clock::now() < end);
+  if (average.count() == settings_.repeats) {
+    const PointEstimate estimate = average.result();
+    check_finite(estimate, x);
+    claimed.chunk->results[claimed.index] = {.estimate = estimate, .medium = world_->medium_at(x)};
   }
-  std::unique_ptr<const derivatives::Estimator> made = make_estimator_();
-  const std::lock_guard lock(mutex_);
-  estimator_ = std::move(made);
   return true;
+}
+
+bool ProbeJob::put_back(const Claim& claimed) {
+  const std::lock_guard lock(mutex_);
+  if (claimed.chunk->averages[claimed.index].count() < settings_.repeats) {
+    left_.push_back(claimed);
+    return false;
+  }
+  return ++claimed.chunk->done == claimed.chunk->points.size();
 }
 
 bool ProbeJob::work(std::chrono::steady_clock::duration time_slice) {
@@ -87,17 +105,10 @@ bool ProbeJob::work(std::chrono::steady_clock::duration time_slice) {
   const auto end = std::chrono::steady_clock::now() + time_slice;
   bool completed = false;
   try {
-    if (!make_ready()) return false;
+    if (make_estimator()) return false;
     while (const std::optional<Claim> claimed = claim()) {
-      const Vec3f& x = claimed->chunk->points[claimed->index];
-      const std::optional<PointEstimate> estimate = derivatives::average(*estimator_, settings_, x, stop_);
-      if (!estimate) break;
-      check_finite(*estimate, x);
-      claimed->chunk->results[claimed->index] = {.estimate = *estimate, .medium = world_->medium_at(x)};
-      {
-        const std::lock_guard lock(mutex_);
-        if (++claimed->chunk->done == claimed->chunk->points.size()) completed = true;
-      }
+      if (!advance(*claimed, end)) break;
+      completed = put_back(*claimed) || completed;
       if (std::chrono::steady_clock::now() >= end) break;
     }
   } catch (...) {
@@ -105,6 +116,18 @@ bool ProbeJob::work(std::chrono::steady_clock::duration time_slice) {
     return true;
   }
   return completed;
+}
+
+bool ProbeJob::make_estimator() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (making_estimator_ || stop_) return false;
+    making_estimator_ = true;
+  }
+  std::unique_ptr<const derivatives::Estimator> made = make_estimator_();
+  const std::lock_guard lock(mutex_);
+  estimator_ = std::move(made);
+  return true;
 }
 
 std::optional<std::vector<PointResult>> ProbeJob::take_results() {

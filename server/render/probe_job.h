@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "core/vector.h"
-#include "derivatives/estimator.h"
+#include "derivatives/estimate_average.h"
 #include "transport/world.h"
 
 namespace fogbank::render {
@@ -42,9 +42,10 @@ class ProbeJob {
 
   /// Is there work that no thread has taken, as of now?
   bool has_work() const;
-  /// Works on points that no other thread has taken, until there are none or `time_slice` is over; on one
-  /// point at least, if there is one. Returns true when a chunk became complete or the job failed. What the
-  /// estimator throws is kept: see `failure`. Leaves the thread prepared for rendering.
+  /// Works on points that no other thread has taken, until there are none or the estimate is done during
+  /// which `time_slice` ends; the first call makes the estimator instead. Returns true when a chunk became
+  /// complete or the job failed. What the estimator throws is kept: see `failure`. Leaves the thread prepared
+  /// for rendering.
   bool work(std::chrono::steady_clock::duration time_slice);
 
   /// Results of the oldest chunk that was not taken yet; nullopt while it is incomplete.
@@ -52,7 +53,7 @@ class ProbeJob {
   /// Points that were added and whose results were not taken.
   size_t points_in_flight() const;
 
-  /// No further estimate is begun; running ones are left to end.
+  /// No further estimate is begun; running ones stop as `derivatives::Estimator` says.
   void cancel();
   /// What the estimator threw, if it did; the job is cancelled then.
   std::exception_ptr failure() const;
@@ -60,7 +61,8 @@ class ProbeJob {
  private:
   struct Chunk {
     std::vector<Vec3f> points;
-    std::vector<PointResult> results;  ///< of the same length
+    std::vector<derivatives::EstimateAverage> averages;  ///< of the same length, as is
+    std::vector<PointResult> results;
     size_t begun = 0;
     size_t done = 0;
   };
@@ -72,7 +74,12 @@ class ProbeJob {
   /// With `mutex_` held.
   bool has_work_locked() const;
   std::optional<Claim> claim();
-  bool make_ready();
+  /// The first call makes the estimator and returns true; then there is work for everybody.
+  bool make_estimator();
+  /// Works on a point until it is done or the time is over; false when the job is stopped.
+  bool advance(const Claim& claimed, std::chrono::steady_clock::time_point end);
+  /// Gives a point back; returns true when its chunk became complete.
+  bool put_back(const Claim& claimed);
   void fail(std::exception_ptr failure);
 
   const std::shared_ptr<const transport::World> world_;
@@ -82,9 +89,10 @@ class ProbeJob {
 
   mutable std::mutex mutex_;
   std::unique_ptr<const derivatives::Estimator> estimator_;  ///< never changes once it is there
-  bool making_estimator_ = false;
+  bool making_estimator_ = false;                            ///< or it is there
   std::deque<Chunk> chunks_;  ///< oldest first; a deque's elements stay where they are
   size_t first_open_ = 0;     ///< the first chunk with points that were not begun, an index of `chunks_`
+  std::deque<Claim> left_;    ///< points that were begun and given back, in this order
   size_t points_in_flight_ = 0;
   std::exception_ptr failure_;
 };

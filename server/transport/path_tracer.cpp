@@ -218,6 +218,7 @@ Spectrum PathTracer::radiance(const Ray& ray, RandomStream& random, RayCounters&
 Spectrum PathTracer::scattered_radiance(const scene::SurfaceInteraction& surface, const Vec3f& ray_direction,
                                         int32_t medium, int32_t depth, RandomStream& random,
                                         RayCounters& counters) const {
+  counters.poll();
   Path path;
   path.ray.direction = ray_direction;
   path.medium = medium;
@@ -233,6 +234,7 @@ Spectrum PathTracer::scattered_radiance(const scene::SurfaceInteraction& surface
 
 Spectrum PathTracer::mean_radiance(const Vec3f& position, int32_t medium, int32_t depth, RandomStream& random,
                                    RayCounters& counters) const {
+  counters.poll();
   Path path;
   path.medium = medium;
   path.depth = depth;

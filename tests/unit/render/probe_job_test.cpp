@@ -74,6 +74,9 @@ ProbeJob make_job(const EstimatorSettings& settings,
   return {fog_box(), settings, [function] { return std::make_unique<FunctionEstimator>(function); }};
 }
 
+/// The first task makes the estimator.
+void make_estimator(ProbeJob& job) { EXPECT_FALSE(job.work({})); }
+
 constexpr auto slice = std::chrono::milliseconds(1);
 
 std::vector<Vec3f> some_points(size_t count) {
@@ -142,6 +145,7 @@ TEST(ProbeJob, AveragesTheRepeatsAndSaysWhichMediumHoldsThePoint) {
   ProbeJob job = make_job(settings);
   const Vec3f inside(0.1f, 0.2f, 0.3f);
   job.add({inside, {5, 0, 0}});
+  make_estimator(job);
   EXPECT_TRUE(job.work(std::chrono::seconds(10)));
   EXPECT_FALSE(job.has_work());
   const auto results = job.take_results();
@@ -170,6 +174,7 @@ TEST(ProbeJob, ChunksComeOutInTheOrderInWhichTheyWentIn) {
   });
   job.add({Vec3f(0)});
   job.add({Vec3f(1), Vec3f(2)});
+  make_estimator(job);
   std::jthread slow([&] { job.work(slice); });
   entered.acquire();
   EXPECT_TRUE(job.work(std::chrono::seconds(10)));
@@ -195,11 +200,45 @@ TEST(ProbeJob, CancelledJobsBeginNoFurtherEstimate) {
   });
   job_pointer = &job;
   job.add(some_points(10));
+  make_estimator(job);
   EXPECT_FALSE(job.work(std::chrono::seconds(10)));
   EXPECT_EQ(estimates, 3);
   EXPECT_FALSE(job.has_work());
   EXPECT_FALSE(job.take_results());
   EXPECT_FALSE(job.failure());
+}
+
+TEST(ProbeJob, APointThatTakesLongIsLeftAndGoneOnWith) {
+  const EstimatorSettings settings{.repeats = 50};
+  const std::vector<Vec3f> points = some_points(3);
+  ProbeJob job = make_job(settings);
+  job.add(points);
+  make_estimator(job);
+  // A time slice of nothing is one estimate.
+  int calls = 1;
+  while (!job.work({})) ++calls;
+  EXPECT_EQ(calls, 3 * 50);
+  const auto results = job.take_results();
+  ASSERT_TRUE(results);
+  std::vector<PointResult> expected;
+  for (const Vec3f& x : points)
+    expected.push_back(
+        {derivatives::average(FunctionEstimator(point_and_random), settings, x), fog_box()->medium_at(x)});
+  EXPECT_EQ(bytes_of(*results), bytes_of(expected));
+}
+
+TEST(ProbeJob, ARunningEstimateSeesThatItIsNotWantedAnyMore) {
+  ProbeJob* job_pointer = nullptr;
+  ProbeJob job = make_job({.repeats = 2}, [&](const Vec3f&, uint32_t, RayCounters& counters) -> RadianceJet {
+    job_pointer->cancel();
+    while (true) counters.poll();
+  });
+  job_pointer = &job;
+  job.add(some_points(2));
+  make_estimator(job);
+  EXPECT_FALSE(job.work(std::chrono::seconds(10)));
+  EXPECT_FALSE(job.failure());
+  EXPECT_FALSE(job.has_work());
 }
 
 std::string reason_of(const std::exception_ptr& failure) {
@@ -226,6 +265,7 @@ TEST(ProbeJob, WhatTheEstimatorThrowsEndsTheJob) {
     return jet;
   });
   not_finite.add(some_points(1));
+  make_estimator(not_finite);
   EXPECT_TRUE(not_finite.work(slice));
   EXPECT_EQ(reason_of(not_finite.failure()), "RESULT_NOT_FINITE");
 }
