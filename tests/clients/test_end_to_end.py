@@ -11,7 +11,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import fogbank
 import numpy as np
@@ -22,6 +22,8 @@ from fogbank.channel import CHANNEL_OPTIONS
 from fogbank.embedded import EmbeddedServer
 from fogbank.image import Image
 from fogbank.paths import server_binary
+from fogbank.probe import ProbeOptions
+from fogbank.probe_stream import CHUNK_POINTS
 from fogbank_cli.exit_codes import ExitCode
 
 from tests.clients.conftest import ROOT
@@ -29,6 +31,7 @@ from tests.clients.cutting_proxy import CuttingProxy
 from tests.clients.test_jobs import assemble
 
 SHAFTS = ROOT / "scenes" / "shafts" / "shafts.xml"
+PENUMBRA = ROOT / "scenes" / "penumbra" / "penumbra.xml"
 SLAB = ROOT / "scenes" / "analytic" / "absorbing_slab.xml"
 
 # Small enough for seconds, large enough for several tiles and passes.
@@ -332,6 +335,107 @@ def test_the_command_renders_with_a_server_of_its_own(tmp_path: Path) -> None:
     assert done["samples"] == 2 * done["film_size"][0] * done["film_size"][1]
     assert done["rays"] > 0
     assert Image.from_exr((tmp_path / "out.exr").read_bytes()).shape[1] == 72
+
+
+def penumbra_points(count: int) -> npt.NDArray[np.float64]:
+    """Points of the room of scenes/penumbra."""
+    return np.random.default_rng(2).uniform((-2.9, -3.1, -0.9), (2.9, 3.1, 1.9), (count, 3))
+
+
+def test_probing_is_a_function_of_scene_options_and_point(module_service: fogbank.Service) -> None:
+    scene = module_service.load(PENUMBRA)
+    points = penumbra_points(CHUNK_POINTS + 20)
+    options = ProbeOptions(samples=16, repeats=2, order="single")
+    whole = scene.probe(points, **options)
+    assert whole.media[whole.medium[0]] == "fog"
+    one_by_one = [scene.probe(point, **options) for point in points[-3:]]
+    for name, array in whole.arrays.items():
+        assert np.isfinite(array).all()
+        assert np.isfinite(whole.standard_error.arrays[name]).all()
+        for i, result in enumerate(one_by_one):
+            np.testing.assert_array_equal(result.arrays[name][0], array[len(points) - 3 + i])
+    assert module_service.capabilities.limits["max_probe_chunk_points"].value == CHUNK_POINTS
+
+
+def test_orders_add_up(module_service: fogbank.Service) -> None:
+    scene = module_service.load(PENUMBRA)
+    single, multiple, both = (
+        scene.probe(penumbra_points(4), order=order, samples=256, repeats=8) for order in ("single", "multiple", "both")
+    )
+    error = np.sqrt(sum(result.standard_error.radiance**2 for result in (single, multiple, both)))
+    # 12 differences of 8 repeats' means: 6 standard errors are exceeded with a probability below 1 %.
+    assert (np.abs(single.radiance + multiple.radiance - both.radiance) < 6.0 * error).all()
+    assert (multiple.radiance > 0.0).all()
+
+
+def test_bad_probes_are_refused_by_name(module_service: fogbank.Service) -> None:
+    scene = module_service.load(PENUMBRA)
+    with pytest.raises(fogbank.InvalidArgumentError) as caught:
+        scene.probe(np.array([[0.0, 0.0, 0.0], [0.0, np.nan, 0.0]]), samples=16)
+    assert caught.value.metadata["field"] == "points[1]"
+    with pytest.raises(fogbank.InvalidArgumentError) as caught:
+        scene.probe([0, 0, 0], method="magic")
+    assert caught.value.metadata["field"] == "settings.method"
+    assert "aware" in caught.value.message
+
+
+def test_points_survive_a_network_that_breaks(tmp_path: Path) -> None:
+    with served(tmp_path / "data") as (_, port), contextlib.closing(CuttingProxy(port)) as proxy:
+        policy = fogbank.RetryPolicy(attempts=60, longest_delay_seconds=0.02)
+        with fogbank.connect(f"127.0.0.1:{proxy.port}", retry_policy=policy) as service:
+            scene = service.load(PENUMBRA)
+            points = penumbra_points(20 * CHUNK_POINTS)
+            options = ProbeOptions(samples=16, repeats=1, max_depth=2)
+            # Results of 256 points are 170 kB.
+            proxy.cut_after_bytes, proxy.most_cuts, proxy.cuts = 600_000, 4, 0
+            broken = scene.probe(points, **options)
+            assert proxy.cuts > 0
+            proxy.cut_after_bytes = None
+            whole = scene.probe(points, **options)
+    for name, array in whole.arrays.items():
+        np.testing.assert_array_equal(broken.arrays[name], array)
+
+
+def test_the_example_for_researchers_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = (ROOT / "clients" / "README.md").read_text().partition("### Derivatives for researchers")[2]
+    code = text.partition("```python\n")[2].partition("```")[0]
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setenv("FOGBANK_DATA", str(tmp_path / "data"))
+    names: dict[str, Any] = {}
+    exec(compile(code, "clients/README.md", "exec"), names)
+    found = names["found"]
+    with fogbank.connect(data=tmp_path / "data") as service:
+        there = service.load(PENUMBRA).probe(names["x"] + names["d"], order="single", repeats=8)
+    # 3.6 cm away in light that varies over decimetres: the next term of the expansion is far below the noise.
+    error = np.hypot(found.standard_error.luminance[0], there.standard_error.luminance[0])
+    assert abs(names["nearby"] - there.luminance[0]) < 6.0 * error
+    assert (names["radii"] > 0.0).all()
+    np.testing.assert_allclose(names["axes"].T @ names["axes"], np.eye(3), atol=1e-12)
+    assert abs(names["ball_mean"] / names["M"] - 1.0) < 0.1
+    assert names["rate"] > names["rate_error"] > 0.0
+
+
+def test_the_command_probes_with_a_server_of_its_own(tmp_path: Path) -> None:
+    path = tmp_path / "points.json"
+    path.write_text(json.dumps({"points": penumbra_points(5).tolist()}))
+    arguments = ("probe", PENUMBRA, "--at", "-1,0,0", "--points", path, "--samples", "64", "--json")
+    with run_command("--data", tmp_path / "data", *arguments) as process:
+        output, _ = process.communicate()
+    assert process.returncode == ExitCode.OK
+    points = json.loads(output)["points"]
+    assert [len(points), points[0]["position"]] == [6, [-1.0, 0.0, 0.0]]
+    for point in points:
+        assert point["samples"] > 0
+        assert point["seconds"] > 0.0
+        assert np.shape(point["gradient"]) == (3, 3)
+        hessian = np.array(point["hessian"])
+        np.testing.assert_array_equal(hessian, hessian.transpose(0, 2, 1))
+        assert min(point["radiance"]) > 0.0
+    with run_command("--data", tmp_path / "data", "plan", PENUMBRA, "--json") as process:
+        output, _ = process.communicate()
+    terms = {term["term"]: term["on"] for term in json.loads(output)["terms"]}
+    assert terms["light grids"]
+    assert not terms["environment grid"]
 
 
 def test_ctrl_c_cancels_the_render(tmp_path: Path) -> None:
