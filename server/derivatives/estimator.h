@@ -36,9 +36,12 @@ struct EstimatorSettings {
   int32_t repeats = 4;
   int32_t max_depth =
       -1;  ///< edges of a whole path camera-medium-...-light, as IntegratorSettings; -1: unbounded
-  bool bisect = true;    ///< silhouettes, method.md section 6.2
-  bool sliding = false;  ///< sliding term, method.md section 6.4 (a)
-  bool corners = false;  ///< T-junction term, method.md section 6.4 (b)
+  bool bisect = true;  ///< silhouettes, method.md section 6.2
+  /// Terms of the Hessian without which it doesn't converge in penumbrae, method.md section 6.4: sliding (a)
+  /// and T-junctions (b). On: they cost no rays, and without (b) the Hessian of a small round light is all
+  /// but missed (tests/bench/derivatives_comparison.cpp).
+  bool sliding = true;
+  bool corners = true;
   /// Terms that the scene doesn't need are left out (transport/plan.h). False computes them all: the same
   /// result up to rounding, for measuring what leaving out saves.
   bool leave_out = true;

@@ -34,7 +34,7 @@ struct Variant {
   bool corners;  ///< the term where a blocker's outline crosses the light's: the Hessian of round suns
 };
 constexpr Variant variants[] = {
-    {"aware", "aware", false}, {"aware with corners", "aware", true}, {"unaware", "unaware", false}};
+    {"aware", "aware", true}, {"aware, no corners", "aware", false}, {"unaware", "unaware", false}};
 
 void compare(const derivatives::test::ComparedScene& scene, const Part& part, int count, int32_t samples,
              bool each_point) {

@@ -64,8 +64,8 @@ def test_results_are_what_they_say(server: Server, scene: scene_messages.Scene) 
         repeats=2,
         max_depth=6,
         bisect=True,
-        sliding=False,
-        corners=False,
+        sliding=True,
+        corners=True,
     )
     assert started.settings == expected
     (results,) = (response.results for response in responses[1:])

@@ -50,8 +50,8 @@ _FIELDS = ("radiance", "gradient", "hessian", "luminance", "luminance_gradient",
 @click.option("--repeats", type=int, help="Estimates to average; their spread is the standard error. 4 by default.")
 @click.option("--max-depth", type=int, help="Greatest path length in edges, -1 for no limit; the scene's by default.")
 @click.option("--bisect/--no-bisect", default=None, help="Refine silhouettes by bisection; on by default.")
-@click.option("--sliding/--no-sliding", default=None, help="Hessian: sliding silhouettes; off by default.")
-@click.option("--corners/--no-corners", default=None, help="Hessian: crossing silhouettes; off by default.")
+@click.option("--sliding/--no-sliding", default=None, help="Hessian: outlines that slide; on by default.")
+@click.option("--corners/--no-corners", default=None, help="Hessian: outlines that cross; on by default.")
 @click.option("--seed", type=click.IntRange(0, 2**64 - 1), help="Of the random numbers; 0 by default.")
 @loading_options
 @json_option

@@ -45,10 +45,10 @@ class ProbeOptions(TypedDict, total=False):
     """Finds silhouettes between neighbouring directions by bisection; on by default."""
 
     sliding: bool | None
-    """Adds the term of silhouettes that slide along curved surfaces to the Hessian; off by default."""
+    """Adds the term of outlines that slide over the lit surface to the Hessian; on by default."""
 
     corners: bool | None
-    """Adds the term of corners where silhouettes cross to the Hessian; off by default."""
+    """Adds the term of corners where outlines cross to the Hessian; on by default."""
 
     seed: int | None
     """Seed of the random numbers, 0 to 2**64 - 1; 0 by default."""
