@@ -67,8 +67,13 @@ Ring make_ring(const Scene& scene, const Vec2d& x, int samples, int bisections, 
   RingBuilder builder(scene, x);
   std::vector<Sight> strata;
   strata.reserve(static_cast<size_t>(samples) + 1);
-  for (int i = 0; i < samples; ++i)
-    strata.push_back(builder.look(2 * std::numbers::pi * (i + random.next_float()) / samples, true));
+  // Half jitter under a random turn, as the sphere grid's (method.md section 2.1): each ray is uniform over
+  // the ring by itself, so means stay unbiased, and gaps between neighbours are more even.
+  const double turn = random.next_float();
+  for (int i = 0; i < samples; ++i) {
+    const double place = i + turn + 0.5 * (random.next_float() - 0.5f);
+    strata.push_back(builder.look(2 * std::numbers::pi * place / samples, true));
+  }
   strata.push_back(strata.front());
   strata.back().angle += 2 * std::numbers::pi;
   for (size_t i = 0; i + 1 < strata.size(); ++i) {
