@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Protocol, TypeVar
 
 import grpc
+from grpc._cython import cygrpc  # type: ignore[attr-defined]  # in no stubs
 
 from fogbank._generated.v1.flatland_pb2_grpc import FlatlandServiceStub
 from fogbank._generated.v1.probe_pb2_grpc import ProbeServiceStub
@@ -100,7 +101,12 @@ class Connection:
             if self._closed:
                 raise UnavailableError(f"the connection to {self.target} is closed")
             if self._stubs is None:
-                self._stubs = Stubs(grpc.insecure_channel(self.target, options=CHANNEL_OPTIONS))
+                channel = grpc.insecure_channel(self.target, options=CHANNEL_OPTIONS)
+                # In a forked child gRPC cancels the calls of the channels it knows of, for which it takes locks
+                # that a thread of the parent may have held at that moment: then the child hangs for ever. Here
+                # children leave inherited channels alone.
+                cygrpc.fork_unregister_channel(channel)
+                self._stubs = Stubs(channel)
             return self._stubs
 
     def close(self) -> None:
