@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <exception>
 
@@ -23,6 +24,10 @@ struct RayCounters {
   /// Throws Interrupted when `stop` is set. Called once a path where a computation takes many.
   void poll() const {
     if (stop != nullptr && stop->load(std::memory_order_relaxed)) throw Interrupted();
+  }
+  /// As `poll`, at every 1024th step: for long loops over what takes microseconds.
+  void poll_at(size_t step) const {
+    if (step % 1024 == 0) poll();
   }
 };
 

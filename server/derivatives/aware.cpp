@@ -80,7 +80,7 @@ RadianceJet Aware::estimate(const Vec3f& x, uint32_t repeat, RayCounters& counte
     sphere_.sample_radiance(random, samples, counters);
   }
   sphere_.find_outlines(samples, counters);
-  if (settings_.order != Order::multiple) sum += sphere_.gather(samples);
+  if (settings_.order != Order::multiple) sum += sphere_.gather(samples, counters);
   if (plan_.shells()) {
     RandomStream random = random_at(x, settings_.seed, repeat, medium_stream);
     add_medium(x, samples, random, sum, counters);
@@ -90,7 +90,8 @@ RadianceJet Aware::estimate(const Vec3f& x, uint32_t repeat, RayCounters& counte
 
 void Aware::add_medium(const Vec3f& x, const SphereSamples& samples, RandomStream& random, RadianceJet& sum,
                        RayCounters& counters) const {
-  const std::vector<MediumRay> rays = medium_rays(samples.rays.lines());
+  const std::vector<MediumRay> rays = medium_rays(samples.rays.lines(), counters);
+  counters.poll();
   const std::vector<RayOutline> outlines =
       ray_outlines(samples, far_radii * static_cast<double>(world_->scene().bounds.radius));
   sum += medium_.gather(x, rays, samples.rays.topology().triangles(), outlines, settings_.derivatives, random,

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/random.h"
+#include "core/ray_counters.h"
 #include "core/vector.h"
 
 namespace fogbank::derivatives {
@@ -28,8 +29,9 @@ class DirectionTopology {
     uint32_t right = 0;
   };
 
-  /// The one topology for `n` (even, 4 to 1024), built when it is first asked for.
-  static std::shared_ptr<const DirectionTopology> of(int32_t n);
+  /// The one topology for `n` (even, 4 to 1024), built when it is first asked for. Throws Interrupted, also
+  /// while it waits for another thread that builds.
+  static std::shared_ptr<const DirectionTopology> of(int32_t n, const RayCounters& counters = {});
   /// Smallest n with n^2 >= `directions`, even, 4 to 1024.
   static int32_t side_for(int32_t directions);
 
@@ -47,7 +49,9 @@ class DirectionTopology {
   const std::vector<Vec2i>& cells() const { return cells_; }
 
  private:
-  explicit DirectionTopology(int32_t n);
+  DirectionTopology(int32_t n, const RayCounters& counters);
+  /// Finds the edges between the triangles.
+  void connect(const RayCounters& counters);
 
   int32_t side_;
   std::vector<Vec2i> cells_;
@@ -62,7 +66,8 @@ Vec3d octahedral_direction(double a, double b);
 
 /// One unit direction a cell, in the topology's order: at a place drawn from the middle half of the cell's
 /// sides ("half jitter": fewer inverted triangles at nearly the same variance), all turned by one uniform
-/// random rotation. Draws only from `random`.
-std::vector<Vec3f> stratified_directions(const DirectionTopology& topology, RandomStream& random);
+/// random rotation. Draws only from `random`. Throws Interrupted.
+std::vector<Vec3f> stratified_directions(const DirectionTopology& topology, RandomStream& random,
+                                         const RayCounters& counters = {});
 
 }  // namespace fogbank::derivatives

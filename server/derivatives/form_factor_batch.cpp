@@ -116,12 +116,13 @@ constexpr size_t used_registers(DerivativeOrder order) {
 
 template <typename Real, DerivativeOrder order>
 void gather(std::span<const BatchVertex<Real>> vertices, std::span<const BatchTriangle> triangles,
-            std::span<VertexFormFactor<Real>> form_factors) {
+            std::span<VertexFormFactor<Real>> form_factors, const RayCounters& counters) {
   constexpr size_t lanes = simd_lanes<Real>;
   constexpr size_t registers = used_registers<Real>(order);
   // One over the number of receivers.
   constexpr std::array<Real, 8> shares{0, 1, 1, Real(0.5), 1, Real(0.5), Real(0.5), Real(1) / 3};
   for (size_t first = 0; first < triangles.size(); first += lanes) {
+    counters.poll_at(first);
     const size_t count = std::min(lanes, triangles.size() - first);
     const BatchTriangle* block = &triangles[first];
     std::array<BatchTriangle, lanes> tail{};
@@ -206,11 +207,12 @@ void add_block(const BatchVertex<Real>* vertices, const VertexFormFactor<Real>* 
 template <typename Real, DerivativeOrder order>
 GatherSums<double> sum_blocks(std::span<const BatchVertex<Real>> vertices,
                               std::span<const VertexFormFactor<Real>> form_factors,
-                              std::span<const Spectrum> weights) {
+                              std::span<const Spectrum> weights, const RayCounters& counters) {
   constexpr size_t lanes = simd_lanes<Real>;
   constexpr size_t stretch = 32 * lanes;  // vertices that are summed in Real
   GatherSums<double> totals{};
   for (size_t begin = 0; begin < vertices.size(); begin += stretch) {
+    counters.poll();
     GatherSums<Simd<Real>> sums{};
     const size_t end = std::min(begin + stretch, vertices.size());
     size_t i = begin;
@@ -238,17 +240,17 @@ GatherSums<double> sum_blocks(std::span<const BatchVertex<Real>> vertices,
 template <typename Real>
 std::vector<VertexFormFactor<Real>> gather_form_factors(std::span<const BatchVertex<Real>> vertices,
                                                         std::span<const BatchTriangle> triangles,
-                                                        DerivativeOrder order) {
+                                                        DerivativeOrder order, const RayCounters& counters) {
   std::vector<VertexFormFactor<Real>> form_factors(vertices.size());
   switch (order) {
     case DerivativeOrder::value:
-      gather<Real, DerivativeOrder::value>(vertices, triangles, form_factors);
+      gather<Real, DerivativeOrder::value>(vertices, triangles, form_factors, counters);
       break;
     case DerivativeOrder::gradient:
-      gather<Real, DerivativeOrder::gradient>(vertices, triangles, form_factors);
+      gather<Real, DerivativeOrder::gradient>(vertices, triangles, form_factors, counters);
       break;
     case DerivativeOrder::hessian:
-      gather<Real, DerivativeOrder::hessian>(vertices, triangles, form_factors);
+      gather<Real, DerivativeOrder::hessian>(vertices, triangles, form_factors, counters);
       break;
   }
   return form_factors;
@@ -257,14 +259,14 @@ std::vector<VertexFormFactor<Real>> gather_form_factors(std::span<const BatchVer
 template <typename Real>
 RadianceJet gather_radiance(std::span<const BatchVertex<Real>> vertices,
                             std::span<const VertexFormFactor<Real>> form_factors,
-                            std::span<const Spectrum> weights, const Spectrum& sigma_t,
-                            DerivativeOrder order) {
+                            std::span<const Spectrum> weights, const Spectrum& sigma_t, DerivativeOrder order,
+                            const RayCounters& counters) {
   const GatherSums<double> totals =
       order == DerivativeOrder::value
-          ? sum_blocks<Real, DerivativeOrder::value>(vertices, form_factors, weights)
+          ? sum_blocks<Real, DerivativeOrder::value>(vertices, form_factors, weights, counters)
           : (order == DerivativeOrder::gradient
-                 ? sum_blocks<Real, DerivativeOrder::gradient>(vertices, form_factors, weights)
-                 : sum_blocks<Real, DerivativeOrder::hessian>(vertices, form_factors, weights));
+                 ? sum_blocks<Real, DerivativeOrder::gradient>(vertices, form_factors, weights, counters)
+                 : sum_blocks<Real, DerivativeOrder::hessian>(vertices, form_factors, weights, counters));
   RadianceJet result;
   for (size_t channel = 0; channel < 3; ++channel) {
     const auto& sums = totals[channel];
@@ -281,15 +283,15 @@ RadianceJet gather_radiance(std::span<const BatchVertex<Real>> vertices,
 
 template std::vector<VertexFormFactor<float>> gather_form_factors(std::span<const BatchVertex<float>>,
                                                                   std::span<const BatchTriangle>,
-                                                                  DerivativeOrder);
+                                                                  DerivativeOrder, const RayCounters&);
 template std::vector<VertexFormFactor<double>> gather_form_factors(std::span<const BatchVertex<double>>,
                                                                    std::span<const BatchTriangle>,
-                                                                   DerivativeOrder);
+                                                                   DerivativeOrder, const RayCounters&);
 template RadianceJet gather_radiance(std::span<const BatchVertex<float>>,
                                      std::span<const VertexFormFactor<float>>, std::span<const Spectrum>,
-                                     const Spectrum&, DerivativeOrder);
+                                     const Spectrum&, DerivativeOrder, const RayCounters&);
 template RadianceJet gather_radiance(std::span<const BatchVertex<double>>,
                                      std::span<const VertexFormFactor<double>>, std::span<const Spectrum>,
-                                     const Spectrum&, DerivativeOrder);
+                                     const Spectrum&, DerivativeOrder, const RayCounters&);
 
 }  // namespace fogbank::derivatives

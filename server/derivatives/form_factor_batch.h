@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "core/ray_counters.h"
 #include "derivatives/radiance_jet.h"
 #include "derivatives/simd.h"
 
@@ -59,19 +60,21 @@ struct VertexFormFactor {
 /// (angular size) and its square. Float is meant for direction grids; lights that are small and far need
 /// doubles. `triangles` must not use an index beyond `vertices`. Results don't depend on the instruction set.
 /// What `order` doesn't ask for is 0. Finite for unit directions and finite inverse distances up to 1e18
-/// (float).
+/// (float). Throws Interrupted.
 template <typename Real>
 std::vector<VertexFormFactor<Real>> gather_form_factors(std::span<const BatchVertex<Real>> vertices,
                                                         std::span<const BatchTriangle> triangles,
-                                                        DerivativeOrder order);
+                                                        DerivativeOrder order,
+                                                        const RayCounters& counters = {});
 
 /// sum_i w_i T_i(x) / T_i Phi_i with its derivatives, per channel, in a homogeneous medium: `weights` are
 /// radiance times transmittance at the vertices, `sigma_t` >= 0 in 1/length per channel (method.md section
-/// 5). Blocks are summed in Real, blocks of blocks in double. All spans have one entry a vertex.
+/// 5). Blocks are summed in Real, blocks of blocks in double. All spans have one entry a vertex. Throws
+/// Interrupted.
 template <typename Real>
 RadianceJet gather_radiance(std::span<const BatchVertex<Real>> vertices,
                             std::span<const VertexFormFactor<Real>> form_factors,
-                            std::span<const Spectrum> weights, const Spectrum& sigma_t,
-                            DerivativeOrder order);
+                            std::span<const Spectrum> weights, const Spectrum& sigma_t, DerivativeOrder order,
+                            const RayCounters& counters = {});
 
 }  // namespace fogbank::derivatives

@@ -23,6 +23,7 @@ class Assembly {
         sum_(sum),
         vertices_(grid_.vertices.size()) {
     for (uint32_t i = 0; i < vertices_.size(); ++i) {
+      seen.counters().poll_at(i);
       if (seen.visible(i)) vertices_[i] = {grid_.vertices[i], seen.transmittance(i, grid_.vertices[i])};
     }
   }
@@ -221,6 +222,7 @@ void add_cut_grid(const SeenGrid& seen, const Silhouettes& silhouettes, const Es
                   RadianceJet& sum) {
   const Assembly assembly(seen, settings, sum);
   for (size_t t = 0; t < seen.grid().triangles.size(); ++t) {
+    seen.counters().poll_at(t);
     const LightGrid::Triangle& triangle = seen.grid().triangles[t];
     const int visible = assembly.visible_corners(triangle);
     if (visible == 3) assembly.add_visible(triangle);
@@ -234,11 +236,15 @@ void add_plain_grid(const SeenGrid& seen, double far_distance, const EstimatorSe
                     RadianceJet& sum) {
   RadianceJet plain;
   const Assembly assembly(seen, settings, plain);
-  for (const LightGrid::Triangle& triangle : seen.grid().triangles) {
+  for (size_t t = 0; t < seen.grid().triangles.size(); ++t) {
+    seen.counters().poll_at(t);
+    const LightGrid::Triangle& triangle = seen.grid().triangles[t];
     if (assembly.visible_corners(triangle) == 3) assembly.add_visible(triangle);
   }
   Vec3d mean(plain.channels[0].value, plain.channels[1].value, plain.channels[2].value);
-  for (const LightGrid::Triangle& triangle : seen.grid().triangles) {
+  for (size_t t = 0; t < seen.grid().triangles.size(); ++t) {
+    seen.counters().poll_at(t);
+    const LightGrid::Triangle& triangle = seen.grid().triangles[t];
     const int visible = assembly.visible_corners(triangle);
     if (visible == 1 || visible == 2) mean += assembly.add_mixed(triangle, far_distance);
   }

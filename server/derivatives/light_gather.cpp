@@ -12,8 +12,8 @@ namespace {
 
 /// Where infinity is, in radii of the scene (method.md section 7).
 constexpr double far_radii = 1e4;
-/// Least distance to a light, in radii of the scene: against lengths of 0 alone. The closed forms hold down to
-/// it, and a light that is moved away further ends up behind itself as shadow rays see it.
+/// Least distance to a light, in radii of the scene: against lengths of 0 alone. The closed forms hold down
+/// to it, and a light that is moved away further ends up behind itself as shadow rays see it.
 constexpr double least_radii = 1e-12;
 
 /// What lies beyond the range of doubles (a point on a light's very edge) has no derivative to speak of.
@@ -46,13 +46,14 @@ void LightGather::add(const Vec3f& x, int32_t medium, RandomStream& random, Radi
   delta_lights_.add(x, medium, light, counters);
   LightGrid grid;
   for (const PlannedLight& planned : lights_) {
+    counters.poll();
     planned.gridded->cut(Vec3d(x), random, grid);
     if (grid.triangles.empty()) continue;
     const bool open = std::none_of(planned.lights.begin(), planned.lights.end(), [&](uint32_t index) {
       return plan_.may_be_occluded(index, x) || plan_.may_cross_boundaries(index, x);
     });
     const SeenGrid seen(world_, x, medium, open, grid, counters);
-    add_unoccluded(grid, seen.sigma_t(), settings_.derivatives, light);
+    add_unoccluded(grid, seen.sigma_t(), settings_.derivatives, counters, light);
     if (seen.visible_count() == 0) continue;
     if (settings_.bisect || seen.visible_count() == grid.vertices.size()) {
       const bool with_blockers = settings_.derivatives != DerivativeOrder::value;

@@ -88,12 +88,15 @@ void LightTriangles::add_in_medium(const LightVertex& a, const LightVertex& b, c
   add(form_factor(a.position, b.position, c.position), transmittance, radiance, sum);
 }
 
-void add_unoccluded(const LightGrid& grid, const Spectrum& sigma_t, DerivativeOrder order, RadianceJet& sum) {
+void add_unoccluded(const LightGrid& grid, const Spectrum& sigma_t, DerivativeOrder order,
+                    const RayCounters& counters, RadianceJet& sum) {
   const LightTriangles triangles(grid, sigma_t, order);
   MediaPath medium;
   medium.sigma_t = sigma_t;
   const auto vertex = [&](const Vec3d& position) { return LightVertex{position, medium.towards(position)}; };
-  for (const LightGrid::Unoccluded& triangle : grid.unoccluded) {
+  for (size_t t = 0; t < grid.unoccluded.size(); ++t) {
+    counters.poll_at(t);
+    const LightGrid::Unoccluded& triangle = grid.unoccluded[t];
     const auto& [a, b, c] = triangle.vertices;
     triangles.add_triangle(vertex(a), vertex(b), vertex(c), !is_black(sigma_t), triangle.radiance, sum);
   }

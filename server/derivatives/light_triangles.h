@@ -47,7 +47,8 @@ class LightTriangles {
 };
 
 /// Adds grid.unoccluded, seen through a medium of extinction `sigma_t` (1/length).
-void add_unoccluded(const LightGrid& grid, const Spectrum& sigma_t, DerivativeOrder order, RadianceJet& sum);
+void add_unoccluded(const LightGrid& grid, const Spectrum& sigma_t, DerivativeOrder order,
+                    const RayCounters& counters, RadianceJet& sum);
 
 RadianceJet mean_of(const RadianceJet& a, const RadianceJet& b);
 

@@ -96,6 +96,7 @@ void MediumGather::march(MediumRecord& record, RandomStream& random, RayCounters
     record.nearby.resize(record.rays.size());
   }
   for (size_t i = 0; i < record.rays.size(); ++i) {
+    counters.poll_at(i);
     record.first.push_back(record.samples.size());
     const std::vector<MediumStretch>& stretches = record.rays[i].stretches;
     if (!around.empty()) march_stretch(record, i, 0, around, phase, random, counters);
@@ -129,6 +130,7 @@ void MediumGather::subtract_linear_source(MediumRecord& record, RandomStream& ra
   double count = 0;
   std::array<double, 2> powers{};  // of the squared distance
   std::array<Vec3d, 2> sums{Vec3d(0), Vec3d(0)};
+  counters.poll();
   for (const MediumSample& sample : record.samples) {
     if (!sample.near) continue;
     const double square = sample.distance * sample.distance;
@@ -167,7 +169,7 @@ RadianceJet MediumGather::gather(const Vec3f& x, std::span<const MediumRay> rays
   if (record.samples.empty()) return result;
   if (order != DerivativeOrder::value) {
     if (!record.nearby.empty()) subtract_linear_source(record, random, counters);
-    result = record.derivatives();
+    result = record.derivatives(counters);
   }
   const Vec3d value = record.value();
   for (int c = 0; c < 3; ++c) {

@@ -4,9 +4,10 @@
 
 namespace fogbank::derivatives {
 
-std::vector<MediumRay> medium_rays(const Sightlines& lines) {
+std::vector<MediumRay> medium_rays(const Sightlines& lines, const RayCounters& counters) {
   std::vector<MediumRay> rays(lines.size());
   for (size_t i = 0; i < rays.size(); ++i) {
+    counters.poll_at(i);
     MediumRay& ray = rays[i];
     ray.direction = glm::normalize(Vec3d(lines.direction(i)));
     ray.end = lines.is_blocked(i) ? static_cast<double>(lines.distance(i))

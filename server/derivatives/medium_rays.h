@@ -6,7 +6,7 @@
 
 namespace fogbank::derivatives {
 
-/// One for each line of `lines`.
-std::vector<MediumRay> medium_rays(const Sightlines& lines);
+/// One for each line of `lines`. Throws Interrupted.
+std::vector<MediumRay> medium_rays(const Sightlines& lines, const RayCounters& counters = {});
 
 }  // namespace fogbank::derivatives

@@ -142,15 +142,19 @@ Vec3d MediumRecord::shell_outline(uint32_t ended, uint32_t passing, double dista
 }
 
 template <typename Distance, typename Joined>
-std::vector<Jet3d> MediumRecord::vertex_forms(const Distance& distance, const Joined& joined) const {
+std::vector<Jet3d> MediumRecord::vertex_forms(const Distance& distance, const Joined& joined,
+                                              const RayCounters& counters) const {
   std::vector<BatchVertex<double>> vertices;
   for (uint32_t i = 0; i < rays.size(); ++i) vertices.emplace_back(rays[i].direction, 1 / distance(i));
   std::vector<BatchTriangle> whole;
-  for (const auto& [a, b, c] : triangles)
+  for (size_t t = 0; t < triangles.size(); ++t) {
+    counters.poll_at(t);
+    const auto& [a, b, c] = triangles[t];
     if (joined(a, b) && joined(b, c) && joined(c, a)) whole.push_back({{a, b, c}, BatchTriangle::all});
+  }
   std::vector<Jet3d> forms;
   for (const VertexFormFactor<double>& form :
-       gather_form_factors<double>(vertices, whole, DerivativeOrder::hessian))
+       gather_form_factors<double>(vertices, whole, DerivativeOrder::hessian, counters))
     forms.push_back(form.jet());
   return forms;
 }
@@ -165,11 +169,14 @@ RadianceJet MediumRecord::linear_source(const Vec3d& vertex) const {
   return jet;
 }
 
-void MediumRecord::add_linear(RadianceJet& sum) const {
+void MediumRecord::add_linear(RadianceJet& sum, const RayCounters& counters) const {
   if (sigma_s * constant == Vec3d(0) && slope == std::array<Vec3d, 3>{}) return;
   const auto vertex = [this](uint32_t ray) { return rays[ray].direction * first_end(ray); };
   std::vector<RadianceJet> along(rays.size());
-  for (uint32_t i = 0; i < along.size(); ++i) along[i] = linear_source(vertex(i));
+  for (uint32_t i = 0; i < along.size(); ++i) {
+    counters.poll_at(i);
+    along[i] = linear_source(vertex(i));
+  }
   /// The mean of what comes along the ways to some points counts for all of `polygon`.
   const auto add = [&](const ShellPolygon<double>& polygon, std::span<const RadianceJet> ways) {
     const Jet3d form = polygon_form_factor(polygon) * (1 / static_cast<double>(ways.size()));
@@ -181,10 +188,12 @@ void MediumRecord::add_linear(RadianceJet& sum) const {
   };
   const std::vector<Jet3d> forms =
       vertex_forms([this](uint32_t ray) { return first_end(ray); },
-                   [this](uint32_t i, uint32_t j) { return first_outline(i, j) == nullptr; });
+                   [this](uint32_t i, uint32_t j) { return first_outline(i, j) == nullptr; }, counters);
   for (size_t i = 0; i < along.size(); ++i)
     for (size_t c = 0; c < 3; ++c) sum.channels[c] += along[i].channels[c] * forms[i];
-  for (const std::array<uint32_t, 3>& triangle : triangles) {
+  for (size_t t = 0; t < triangles.size(); ++t) {
+    counters.poll_at(t);
+    const std::array<uint32_t, 3>& triangle = triangles[t];
     std::array<const RayOutline*, 3> cuts;  // of the edge opposite to each corner
     for (size_t i = 0; i < 3; ++i) cuts[i] = first_outline(triangle[(i + 1) % 3], triangle[(i + 2) % 3]);
     if (std::count(cuts.begin(), cuts.end(), nullptr) == 3) continue;
@@ -248,14 +257,18 @@ void MediumRecord::add_cut_shells(const std::array<uint32_t, 3>& triangle,
   }
 }
 
-RadianceJet MediumRecord::derivatives() const {
+RadianceJet MediumRecord::derivatives(const RayCounters& counters) const {
   RadianceJet sum;
-  add_linear(sum);
+  add_linear(sum, counters);
   // Form factors of the unit sphere's triangles: those that nothing cuts are shared out to their corners.
-  const std::vector<Jet3d> cells = vertex_forms(
-      [](uint32_t) { return 1.0; }, [this](uint32_t i, uint32_t j) { return outline(i, j) == nullptr; });
-  for (const std::array<uint32_t, 3>& triangle : triangles) {
+  const std::vector<Jet3d> cells =
+      vertex_forms([](uint32_t) { return 1.0; },
+                   [this](uint32_t i, uint32_t j) { return outline(i, j) == nullptr; }, counters);
+  for (size_t t = 0; t < triangles.size(); ++t) {
+    counters.poll_at(t);
+    const std::array<uint32_t, 3>& triangle = triangles[t];
     if (!is_cut(triangle)) continue;
+    counters.poll();
     const std::array<Vec3d, 3> directions{rays[triangle[0]].direction, rays[triangle[1]].direction,
                                           rays[triangle[2]].direction};
     const Jet3d third = triangle_form_factor_jet(RelativeTriangle<double>::from_relative(
@@ -271,6 +284,7 @@ RadianceJet MediumRecord::derivatives() const {
     add_cut_shells(triangle, directions, sum);
   }
   for (size_t i = 0; i < rays.size(); ++i) {
+    counters.poll_at(i);
     for (int c = 0; c < 3; ++c)
       sum.channels[static_cast<size_t>(c)] += shell_jet(cells[i], rays[i].direction, moments(i, far, c));
   }

@@ -57,8 +57,9 @@ struct MediumRecord {
   }
   /// Stratified mean over the rays.
   Vec3d value() const;
-  /// Gradient and Hessian of all channels; values are those of the triangulation, which is biased.
-  RadianceJet derivatives() const;
+  /// Gradient and Hessian of all channels; values are those of the triangulation, which is biased. Throws
+  /// Interrupted.
+  RadianceJet derivatives(const RayCounters& counters) const;
 
  private:
   struct PathBeyond;
@@ -77,7 +78,8 @@ struct MediumRecord {
   /// What each ray's vertex, at `distance(ray)`, gets of the form factors of the triangles around it: a third
   /// of those whose corners are all joined.
   template <typename Distance, typename Joined>
-  std::vector<Jet3d> vertex_forms(const Distance& distance, const Joined& joined) const;
+  std::vector<Jet3d> vertex_forms(const Distance& distance, const Joined& joined,
+                                  const RayCounters& counters) const;
   RadianceJet linear_source(const Vec3d& vertex) const;
   const RayOutline* outline(uint32_t a, uint32_t b) const;
   /// The same where it parts the ends of first stretches too: not where both end at boundaries of the medium.
@@ -88,7 +90,7 @@ struct MediumRecord {
   /// What the samples of a ray up to `until` contribute to shells that nothing cuts.
   ShellMoments<double> moments(size_t ray, double until, int channel) const;
   /// The linear part of the medium around the point: closed forms.
-  void add_linear(RadianceJet& sum) const;
+  void add_linear(RadianceJet& sum, const RayCounters& counters) const;
   /// Samples beyond the nearest end of a triangle that outlines cut.
   void add_cut_shells(const std::array<uint32_t, 3>& triangle, const std::array<Vec3d, 3>& directions,
                       RadianceJet& sum) const;

@@ -100,12 +100,14 @@ Outlines find_outlines(const SphereRays& rays, std::span<const float> weights, i
   ends.reserve(rays.ends().size());
   bool mirrors = false;
   for (size_t i = 0; i < rays.ends().size(); ++i) {
+    counters.poll_at(i);
     ends.push_back(make_end(lines.direction(i), rays.ends()[i]));
     mirrors = mirrors || rays.ends()[i].is_mirrored;
   }
   const auto is_mirrored = [&](uint32_t ray) { return mirrors && rays.ends()[ray].is_mirrored; };
   std::vector<Jump> jumps;
   for (uint32_t e = 0; e < edges.size(); ++e) {
+    counters.poll_at(e);
     const uint32_t a = edges[e].a;
     const uint32_t b = edges[e].b;
     if (surfaces_meet(ends[a], ends[b]) && is_mirrored(a) == is_mirrored(b)) continue;
@@ -146,6 +148,7 @@ Outlines find_outlines(const SphereRays& rays, std::span<const float> weights, i
     probes.start(lines.origin(), lines.medium());
     probes.append(middles, {&anywhere, 1}, counters);
     for (size_t i = 0; i < searches.size(); ++i) {
+      counters.poll_at(i);
       Search& search = searches[i];
       if (is_near_side(probes, i, lines, outlines.points[i], search)) {
         search.near_direction = middles[i];

@@ -19,6 +19,8 @@ class SeenGrid {
            RayCounters& counters);
 
   const LightGrid& grid() const { return grid_; }
+  /// Tells whether the result is wanted still.
+  const RayCounters& counters() const { return counters_; }
   /// Extinction of the medium around x, 1/length.
   const Spectrum& sigma_t() const { return sigma_t_; }
   bool visible(uint32_t vertex) const { return open_ || !lines_.is_blocked(vertex); }

@@ -9,6 +9,8 @@ namespace {
 
 /// More surfaces than this along one line count as opaque: a guard against surfaces that coincide.
 constexpr uint32_t most_crossings = 256;
+/// Whole packets, for a few milliseconds.
+constexpr size_t lines_between_polls = 2048;
 
 Spectrum sigma_t_of(const transport::World& world, int32_t medium) {
   return medium == scene::none ? Spectrum(0) : world.medium(medium).sigma_t;
@@ -28,27 +30,36 @@ void Sightlines::start(const Vec3f& origin, int32_t medium) {
 size_t Sightlines::append(std::span<const Vec3f> directions, std::span<const float> max_distances,
                           RayCounters& counters, RandomStream* stops) {
   const size_t first = size();
-  const scene::Intersector& intersector = *world_.scene().intersector;
   directions_.insert(directions_.end(), directions.begin(), directions.end());
   hits_.resize(directions_.size());
   passages_.resize(directions_.size());
-  const scene::RayBundle bundle{origin_, directions, max_distances};
-  intersector.intersect_solid(bundle, std::span(hits_).subspan(first));
-  counters.closest_hit += directions.size();
-  if (!intersector.has_passing_surfaces()) return first;
+  for (size_t begin = 0; begin < directions.size(); begin += lines_between_polls) {
+    counters.poll();
+    const size_t count = std::min(lines_between_polls, directions.size() - begin);
+    trace(first + begin, count,
+          max_distances.size() == 1 ? max_distances : max_distances.subspan(begin, count), counters, stops);
+  }
+  return first;
+}
+
+void Sightlines::trace(size_t first, size_t count, std::span<const float> max_distances,
+                       RayCounters& counters, RandomStream* stops) {
+  const scene::Intersector& intersector = *world_.scene().intersector;
+  const scene::RayBundle bundle{origin_, std::span(directions_).subspan(first, count), max_distances};
+  intersector.intersect_solid(bundle, std::span(hits_).subspan(first, count));
+  counters.closest_hit += count;
+  if (!intersector.has_passing_surfaces()) return;
 
   // Only what lies before the solid surfaces counts.
-  limits_.resize(directions.size());
-  passing_hits_.resize(directions.size());
-  for (size_t i = 0; i < directions.size(); ++i)
-    limits_[i] = std::min(hits_[first + i].distance, bundle.max_distance(i));
-  intersector.intersect_passing({origin_, directions, limits_}, passing_hits_);
-  counters.closest_hit += directions.size();
-  for (size_t i = 0; i < directions.size(); ++i) {
+  limits_.resize(count);
+  passing_hits_.resize(count);
+  for (size_t i = 0; i < count; ++i) limits_[i] = std::min(hits_[first + i].distance, bundle.max_distance(i));
+  intersector.intersect_passing({origin_, bundle.directions, limits_}, passing_hits_);
+  counters.closest_hit += count;
+  for (size_t i = 0; i < count; ++i) {
     if (std::isfinite(passing_hits_[i].distance))
       cross(first + i, passing_hits_[i], limits_[i], counters, stops);
   }
-  return first;
 }
 
 size_t Sightlines::append_to_points(std::span<const Vec3d> relative, RayCounters& counters) {
@@ -155,6 +166,7 @@ void visibility(const transport::World& world, const Vec3f& origin, int32_t medi
   std::vector<Vec3f> directions(relative.size());
   std::vector<float> distances(relative.size());
   for (size_t i = 0; i < relative.size(); ++i) {
+    counters.poll_at(i);
     const double length = glm::length(relative[i]);
     const auto distance = static_cast<float>(length);
     directions[i] = Vec3f(relative[i] / length);
@@ -164,7 +176,13 @@ void visibility(const transport::World& world, const Vec3f& origin, int32_t medi
     counters.any_hit += static_cast<uint64_t>(distances[i] > 0);
   }
   std::vector<uint8_t> occluded(relative.size());
-  intersector.occluded({origin, directions, distances}, occluded);
+  for (size_t begin = 0; begin < relative.size(); begin += lines_between_polls) {
+    counters.poll();
+    const size_t count = std::min(lines_between_polls, relative.size() - begin);
+    intersector.occluded(
+        {origin, std::span(directions).subspan(begin, count), std::span(distances).subspan(begin, count)},
+        std::span(occluded).subspan(begin, count));
+  }
   for (size_t i = 0; i < relative.size(); ++i)
     if (occluded[i] != 0) transmittances[i] = Spectrum(0);
 }

@@ -35,7 +35,7 @@ class Sightlines {
   /// packets. Surfaces are looked for up to `max_distances`, one for each line or one for all. Returns the
   /// index of the first.
   /// `stops`: at a surface that reflects as well as it lets light through, a line ends with the probability
-  /// 1 - (share let through), and its `factor` makes up for it; null: it goes on.
+  /// 1 - (share let through), and its `factor` makes up for it; null: it goes on. Throws Interrupted.
   size_t append(std::span<const Vec3f> directions, std::span<const float> max_distances,
                 RayCounters& counters, RandomStream* stops = nullptr);
   /// Lines to points of lights: surfaces are looked for up to just before the point, as World::visibility
@@ -83,6 +83,9 @@ class Sightlines {
     uint32_t count = 0;
   };
 
+  /// Lines first, first + 1, ..., whose directions are known.
+  void trace(size_t first, size_t count, std::span<const float> max_distances, RayCounters& counters,
+             RandomStream* stops);
   void cross(size_t line, const scene::Hit& first_hit, float limit, RayCounters& counters,
              RandomStream* stops);
 
@@ -93,8 +96,8 @@ class Sightlines {
   std::vector<scene::Hit> hits_;
   std::vector<Passage> passages_;
   std::vector<Crossing> crossings_;
-  std::vector<scene::Hit> passing_hits_;  ///< scratch of append
-  std::vector<float> limits_;             ///< scratch of append
+  std::vector<scene::Hit> passing_hits_;  ///< scratch of trace
+  std::vector<float> limits_;             ///< scratch of trace
 };
 
 /// Transmittance between `origin` and each of origin + `relative`, 0 where something solid is in between:

@@ -75,7 +75,7 @@ void SphereGather::sample_radiance(RandomStream& random, SphereSamples& samples,
   for (size_t i = 0; i < leaving.size(); ++i) samples.radiance[rays.rays_of_hits()[i]] = leaving[i];
 }
 
-RadianceJet SphereGather::gather(const SphereSamples& samples) const {
+RadianceJet SphereGather::gather(const SphereSamples& samples, const RayCounters& counters) const {
   const SphereRays& rays = samples.rays;
   const Sightlines& lines = rays.lines();
   const auto ends = rays.ends();
@@ -89,6 +89,7 @@ RadianceJet SphereGather::gather(const SphereSamples& samples) const {
 
   std::vector<uint32_t> surfaces(ends.size());
   for (size_t i = 0; i < ends.size(); ++i) surfaces[i] = ends[i].surface;
+  counters.poll();
   std::vector<Spectrum> radiance =
       filter_over_neighbours(samples.radiance, rays.topology().neighbours(), surfaces);
   std::vector<uint8_t> lit(ends.size());
@@ -96,15 +97,18 @@ RadianceJet SphereGather::gather(const SphereSamples& samples) const {
     radiance[i] += ends[i].emitted;
     lit[i] = is_black(radiance[i] * ends[i].weight) ? 0 : 1;
   }
+  counters.poll();
   const SphereMesh mesh =
-      make_sphere_mesh(rays, samples.outlines, lit, least_radii * world_->scene().bounds.radius);
-  const auto form_factors = gather_form_factors<float>(mesh.vertices, mesh.triangles, settings_.derivatives);
+      make_sphere_mesh(rays, samples.outlines, lit, least_radii * world_->scene().bounds.radius, counters);
+  const auto form_factors =
+      gather_form_factors<float>(mesh.vertices, mesh.triangles, settings_.derivatives, counters);
 
   const int32_t medium = lines.medium();
   const Spectrum sigma_t = medium == scene::none ? Spectrum(0) : world_->medium(medium).sigma_t;
   std::vector<Spectrum> weights(mesh.vertices.size(), Spectrum(0));
   RadianceJet triangulated;
   for (size_t v = 0; v < mesh.vertices.size(); ++v) {
+    counters.poll_at(v);
     const uint32_t ray = mesh.rays[v];
     if (lit[ray] == 0) continue;
     const RayEnd& end = ends[ray];
@@ -127,7 +131,7 @@ RadianceJet SphereGather::gather(const SphereSamples& samples) const {
       weights[v] = extend(weights[v], sigma_t, 1 / closeness - end.distance);
   }
   triangulated +=
-      gather_radiance<float>(mesh.vertices, form_factors, weights, sigma_t, settings_.derivatives);
+      gather_radiance<float>(mesh.vertices, form_factors, weights, sigma_t, settings_.derivatives, counters);
 
   const double value = triangulated.luminance().value;
   const double ratio =

@@ -40,8 +40,8 @@ class SphereGather {
   /// triangulation's, scaled by the ratio of the luminances of the two values (method.md section 6.1). Mean
   /// rule on triangles whose ends lie on surfaces that meet, farthest rule on slanted ones, which outlines
   /// split first (sections 2, 5, 6.2). Finite. Boundaries of media count as planes; behind mirrors the medium
-  /// around x counts for the gradient.
-  RadianceJet gather(const SphereSamples& samples) const;
+  /// around x counts for the gradient. Throws Interrupted.
+  RadianceJet gather(const SphereSamples& samples, const RayCounters& counters = {}) const;
 
  private:
   std::shared_ptr<const transport::World> world_;

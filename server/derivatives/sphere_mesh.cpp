@@ -112,12 +112,13 @@ class Splitter {
 }  // namespace
 
 SphereMesh make_sphere_mesh(const SphereRays& rays, const Outlines& outlines, std::span<const uint8_t> lit,
-                            float least_distance) {
+                            float least_distance, const RayCounters& counters) {
   SphereMesh mesh;
   const size_t count = rays.ends().size() + 2 * outlines.points.size();
   mesh.vertices.reserve(count);
   mesh.rays.reserve(count);
   for (uint32_t ray = 0; ray < rays.ends().size(); ++ray) {
+    counters.poll_at(ray);
     mesh.vertices.push_back(
         make_vertex(rays.lines().direction(ray), rays.ends()[ray].distance, least_distance));
     mesh.rays.push_back(ray);
@@ -133,6 +134,7 @@ SphereMesh make_sphere_mesh(const SphereRays& rays, const Outlines& outlines, st
   mesh.triangles.reserve(triangles.size() + 8 * outlines.points.size());
   Splitter splitter(rays, outlines, mesh);
   for (size_t t = 0; t < triangles.size(); ++t) {
+    counters.poll_at(t);
     const auto& [a, b, c] = triangles[t];
     if ((lit[a] | lit[b] | lit[c]) != 0) splitter.add(triangles[t], edges[t]);
   }

@@ -18,8 +18,8 @@ struct SphereMesh {
 };
 
 /// Distances below `least_distance` count as it. Triangles with no vertex that is `lit` (one flag a ray) are
-/// left out.
+/// left out. Throws Interrupted.
 SphereMesh make_sphere_mesh(const SphereRays& rays, const Outlines& outlines, std::span<const uint8_t> lit,
-                            float least_distance);
+                            float least_distance, const RayCounters& counters);
 
 }  // namespace fogbank::derivatives

@@ -32,11 +32,11 @@ bool SphereRays::is_mirror(uint32_t shape) const {
 
 void SphereRays::trace(const Vec3f& x, int32_t medium, int32_t n, RandomStream& random,
                        RayCounters& counters) {
-  topology_ = DirectionTopology::of(n);
+  topology_ = DirectionTopology::of(n, counters);
   hits_.clear();
   rays_of_hits_.clear();
   lines_.start(x, medium);
-  const std::vector<Vec3f> directions = stratified_directions(*topology_, random);
+  const std::vector<Vec3f> directions = stratified_directions(*topology_, random, counters);
   constexpr float anywhere = infinity;
   lines_.append(directions, {&anywhere, 1}, counters, &random);
 
@@ -44,6 +44,7 @@ void SphereRays::trace(const Vec3f& x, int32_t medium, int32_t n, RandomStream& 
   const bool reflected = plan_.reflected() || plan_.mirrors();
   ends_.assign(lines_.size(), {});
   for (size_t ray = 0; ray < ends_.size(); ++ray) {
+    counters.poll_at(ray);
     RayEnd& end = ends_[ray];
     end.distance = lines_.distance(ray);
     end.weight = lines_.transmittance(ray, end.distance);

@@ -126,6 +126,7 @@ void Unaware::add_lights(Gather& gather) const {
     directions.clear();
     values.clear();
     for (int32_t cell = 0; cell < side * side; ++cell) {
+      gather.counters.poll_at(static_cast<size_t>(cell));
       const Vec2f jitter = random.next_vec2();
       const Vec2f u =
           glm::min((Vec2f(Vec2i(cell % side, cell / side)) + jitter) * share, Vec2f(one_minus_epsilon));
@@ -145,6 +146,7 @@ void Unaware::add_lights(Gather& gather) const {
     }
     const transport::LightShape shape = light.shape();
     for (size_t i = 0; i < values.size(); ++i) {
+      gather.counters.poll_at(i);
       if (lines.is_blocked(i)) continue;
       if (light.at_infinity()) {
         gather.add(
@@ -170,6 +172,7 @@ void Unaware::add_sphere(Gather& gather) const {
   const float share = 1.0f / static_cast<float>(side);
   std::vector<Vec3f> directions;
   for (int32_t cell = 0; cell < side * side; ++cell) {
+    gather.counters.poll_at(static_cast<size_t>(cell));
     const Vec2f jitter = random.next_vec2();
     directions.push_back(square_to_uniform_sphere(
         glm::min((Vec2f(Vec2i(cell % side, cell / side)) + jitter) * share, Vec2f(one_minus_epsilon))));
@@ -178,6 +181,7 @@ void Unaware::add_sphere(Gather& gather) const {
   lines.start(gather.at, gather.medium);
   lines.append(directions, {&infinity, 1}, gather.counters, &random);
   for (size_t line = 0; line < lines.size(); ++line) {
+    gather.counters.poll_at(line);
     if (plan_.shells()) march(gather, lines, line, share * share);
     if (!lines.is_blocked(line) || !(plan_.reflected() || plan_.mirrors())) continue;
     const scene::SurfaceInteraction surface = lines.surface(line);
