@@ -165,7 +165,11 @@ def test_forked_children_get_channels_of_their_own(address: str, scene_path: Pat
         stream = scene.render(integrator="endless").tiles()
         next(stream)
         endless = scene.render(integrator="endless")
-        reader = threading.Thread(target=lambda: [None for tile in endless.tiles()], daemon=True)
+        def read():
+            try:
+                for tile in endless.tiles(): pass
+            except fogbank.FogbankError: pass
+        reader = threading.Thread(target=read, daemon=True)
         reader.start()
         context = multiprocessing.get_context("fork")
         def render(results):
@@ -176,6 +180,9 @@ def test_forked_children_get_channels_of_their_own(address: str, scene_path: Pat
         for child in children: child.join()
         print(*[results.get() for _ in children], float(scene.render().result().sum()), flush=True)
         next(stream)
+        # A thread that decodes a tile while the interpreter ends would be torn out of C++ code and abort the process.
+        service.close()
+        reader.join()
         """
     with run_program(program) as process:
         output, _ = process.communicate()
