@@ -28,7 +28,6 @@ struct Derivatives {
     a.hessian *= scale;
     return a;
   }
-  friend Derivatives operator-(Derivatives a, const Derivatives& b) { return a += b * -1.0; }
 };
 using Channels = std::array<Derivatives, 3>;
 

@@ -53,12 +53,14 @@ std::vector<double> importance_strata(const Vec3d& sigma_t, double extent, doubl
   };
   double begin = 0;
   double before = 0;
-  for (double end = first; end > begin && end < extent; end *= growth) {
+  double end = first;
+  while (end > begin && end < extent) {
     const double importance = cumulative(end) - before;
     if (begin > 0 && importance > 1.0 / count) break;
     ends.push_back(end);
     begin = end;
     before += importance;
+    end *= growth;
   }
   const int rest = std::max(1, static_cast<int>(std::ceil((1 - before) * count)));
   double below = begin;

@@ -19,7 +19,7 @@ struct SimdOf {
   typedef Real Type __attribute__((vector_size(32)));
 };
 template <typename Real>
-using Simd = typename SimdOf<Real>::Type;
+using Simd = SimdOf<Real>::Type;
 template <typename Real>
 inline constexpr size_t simd_lanes = SimdOf<Real>::lanes;
 

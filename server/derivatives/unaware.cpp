@@ -109,7 +109,8 @@ void Unaware::add_lights(Gather& gather) const {
   RandomStream random = random_at(gather.at, settings_.seed, gather.repeat, light_stream);
   const transport::LightReceiver receiver{
       gather.at, Vec3f(0), gather.medium == scene::none ? 0 : world_->medium(gather.medium).mean_sigma_t};
-  const auto budget = static_cast<float>(settings_.samples / directions_per_shadow_ray * emitters_);
+  const int64_t shadow_rays = int64_t{settings_.samples / directions_per_shadow_ray} * emitters_;
+  const auto budget = static_cast<float>(shadow_rays);
   Sightlines lines(*world_);
   std::vector<Vec3d> targets;
   std::vector<Vec3f> directions;

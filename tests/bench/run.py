@@ -1,7 +1,7 @@
 """Measures what the README promises, prints tables and writes out/bench/*.json.
 
     python -m tests.bench.run [comparison] [embree] [loading] [serving] [form_factors] [derivatives]
-                              [leaving_out]      all of them by default
+                              [records] [leaving_out] [cache]      all of them by default
 
 Figures depend on the machine and on what else it does; ratios, of runs that take turns, much less. See the modules for
 what exactly is measured.
@@ -19,7 +19,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tests.bench import comparison, derivatives, embree_share, engines, form_factors, loading, records, serving
+from tests.bench import cache, comparison, derivatives, embree_share, engines, form_factors, loading, records, serving
 
 
 def processor() -> str:
@@ -110,6 +110,11 @@ def main() -> None:
         save("leaving_out", results)
         return derivatives.leaving_out_table(results)
 
+    def run_cache() -> str:
+        runs = cache.measure()
+        save("cache", runs)
+        return cache.table(runs)
+
     parts: dict[str, Callable[[], str]] = {
         "comparison": run_comparison,
         "embree": run_embree,
@@ -119,6 +124,7 @@ def main() -> None:
         "records": run_records,
         "derivatives": run_derivatives,
         "leaving_out": run_leaving_out,
+        "cache": run_cache,
     }
     unknown = set(options.parts) - set(parts)
     if unknown:

@@ -29,7 +29,7 @@ Spectrum mean_over_triangle(const Point& a, const Point& b, const Point& c, cons
   constexpr int parts = 4;
   Spectrum sum(0);
   const auto add = [&](double u, double v) {
-    using Real = typename Point::value_type;
+    using Real = Point::value_type;
     sum += radiance_at(a + (b - a) * static_cast<Real>(u / parts) + (c - a) * static_cast<Real>(v / parts));
   };
   for (int i = 0; i < parts; ++i) {
