@@ -64,7 +64,7 @@ class FiniteSun : public scene::FileSource {
          << ", " << position.z << "\" target=\"" << center_.x << ", " << center_.y << ", " << center_.z
          << "\" up=\"0.1, 1, 0.2\"/></transform><emitter type=\"area\"><rgb name=\"radiance\" value=\""
          << radiance.x << ", " << radiance.y << ", " << radiance.z << "\"/></emitter></shape>";
-    const std::string changed = match.prefix().str() + disk.str() + match.suffix().str();
+    std::string changed = match.prefix().str() + disk.str() + match.suffix().str();
     if (with_sky_) return changed;
     const std::regex sky(R"re(<emitter type="constant">\s*<rgb[^>]*/>\s*</emitter>)re");
     return std::regex_replace(changed, sky, "");
