@@ -4,10 +4,12 @@
 //     derivatives_comparison [POINTS [SAMPLES [direct|surfaces|medium [each]]]]
 //
 // `each` prints every point.
+#include <algorithm>
+#include <charconv>
 #include <cstdio>
-#include <cstdlib>
 #include <iterator>
 #include <string>
+#include <string_view>
 
 #include "derivatives/scene_comparison.h"
 
@@ -113,11 +115,18 @@ void compare(const derivatives::test::ComparedScene& scene, const Part& part, in
   std::fflush(stdout);
 }
 
+/// 0 for what is no whole number.
+int whole_number(std::string_view text) {
+  int value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return error == std::errc() && end == text.data() + text.size() ? value : 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  const int points = argc > 1 ? std::atoi(argv[1]) : 100;
-  const int samples = argc > 2 ? std::atoi(argv[2]) : 1024;
+  const int points = argc > 1 ? whole_number(argv[1]) : 100;
+  const int samples = argc > 2 ? whole_number(argv[2]) : 1024;
   const std::string wanted = argc > 3 ? argv[3] : "";
   const bool each_point = argc > 4 && std::string(argv[4]) == "each";
   const bool known = wanted.empty() || std::any_of(std::begin(parts), std::end(parts),
