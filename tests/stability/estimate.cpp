@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "derivatives/estimator.h"
-#include "derivatives/world_builders.h"
+#include "transport/world_builders.h"
 
 namespace fogbank::derivatives {
 namespace {
@@ -25,7 +25,7 @@ json estimate(const json& entry) {
   // With all terms of the Hessian: what is left is rounding and the grid's resolution.
   settings.sliding = true;
   settings.corners = true;
-  const auto estimator = make_estimator("aware", test::parse_world(entry.at("scene")), settings);
+  const auto estimator = make_estimator("aware", transport::test::parse_world(entry.at("scene")), settings);
   json answers = json::array();
   for (const json& point : entry.at("points")) {
     RayCounters counters;

@@ -5,13 +5,13 @@
 #include <thread>
 
 #include "derivatives/estimator.h"
-#include "derivatives/world_builders.h"
+#include "transport/world_builders.h"
 
 namespace fogbank::derivatives {
 namespace {
 
-using test::load_world;
-using test::parse_world;
+using transport::test::load_world;
+using transport::test::parse_world;
 
 EstimatorSettings small(Order order) {
   EstimatorSettings settings;

@@ -7,12 +7,12 @@
 
 #include "core/sampling.h"
 #include "derivatives/sightlines.h"
-#include "derivatives/world_builders.h"
+#include "transport/world_builders.h"
 
 namespace fogbank::derivatives {
 namespace {
 
-using test::parse_world;
+using transport::test::parse_world;
 
 constexpr float far_away = infinity;
 constexpr std::span<const float> anywhere{&far_away, 1};

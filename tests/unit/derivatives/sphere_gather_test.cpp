@@ -4,12 +4,12 @@
 #include "derivatives/plan_request.h"
 #include "derivatives/sphere_gather.h"
 #include "derivatives/triangle_form_factor.h"
-#include "derivatives/world_builders.h"
+#include "transport/world_builders.h"
 
 namespace fogbank::derivatives {
 namespace {
 
-using test::parse_world;
+using transport::test::parse_world;
 
 /// A closed room of a cube, with what else stands in it.
 std::string room(const std::string& contents, double sigma_t = 0) {

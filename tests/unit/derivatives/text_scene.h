@@ -1,13 +1,10 @@
 // Worlds from scene text, with fog all around.
 #pragma once
 
-#include <map>
 #include <memory>
 #include <string>
 
-#include "scene/loader.h"
-#include "scene/memory_files.h"
-#include "transport/world.h"
+#include "transport/world_builders.h"
 
 namespace fogbank::derivatives::test {
 
@@ -15,15 +12,10 @@ namespace fogbank::derivatives::test {
 inline std::shared_ptr<const transport::World> world_in_fog(const std::string& sigma_t,
                                                             const std::string& albedo,
                                                             const std::string& body) {
-  scene::prepare_render_thread();
-  const std::string xml =
-      R"(<scene version="3.0.0"><medium type="homogeneous" id="fog"><rgb name="sigma_t" value=")" + sigma_t +
+  return transport::test::parse_world(
+      R"(<medium type="homogeneous" id="fog"><rgb name="sigma_t" value=")" + sigma_t +
       R"("/><rgb name="albedo" value=")" + albedo +
-      R"("/></medium><sensor type="perspective"><ref name="medium" id="fog"/></sensor>)" + body + "</scene>";
-  return std::make_shared<const transport::World>(scene::load_scene(
-      "scene.xml",
-      std::make_shared<scene::test::MemoryFiles>(std::map<std::string, std::string>{{"scene.xml", xml}}),
-      {}));
+      R"("/></medium><sensor type="perspective"><ref name="medium" id="fog"/></sensor>)" + body);
 }
 
 /// Emits downwards from z = 2: |x| <= 1, |y| <= 1. Reflects nothing.

@@ -4,34 +4,22 @@
 #include <filesystem>
 #include <memory>
 
-#include "scene/loader.h"
-#include "scene/memory_files.h"
 #include "scene/shared_data.h"
 #include "transport/world.h"
+#include "transport/world_builders.h"
 
 namespace fogbank::transport {
 namespace {
 
-std::unique_ptr<World> load(const std::string& root, const std::string& file) {
-  scene::prepare_render_thread();
-  return std::make_unique<World>(scene::load_scene(file, scene::folder_source(root), {}));
-}
-
-std::unique_ptr<World> parse(const std::string& body) {
-  scene::prepare_render_thread();
-  const std::string xml = "<scene version=\"3.0.0\">" + body + "</scene>";
-  return std::make_unique<World>(scene::load_scene(
-      "scene.xml",
-      std::make_shared<scene::test::MemoryFiles>(std::map<std::string, std::string>{{"scene.xml", xml}}),
-      {}));
-}
+using test::load_world;
+using test::parse_world;
 
 const std::string two_media = R"(
   <medium type="homogeneous" id="fog"><rgb name="sigma_t" value="1"/><rgb name="albedo" value="0.5"/></medium>
   <medium type="homogeneous" id="smoke"><rgb name="sigma_t" value="2"/><rgb name="albedo" value="0.5"/></medium>)";
 
 TEST(MediumAt, PenumbraIsFogUpToTheBox) {
-  const auto world = load("scenes/penumbra", "penumbra.xml");
+  const auto world = load_world("scenes/penumbra", "penumbra.xml");
   const int32_t fog = world->scene().sensor.medium;
   ASSERT_NE(fog, scene::none);
   for (const Vec3f x : {Vec3f(0), Vec3f(2.9f, 3.1f, 1.9f), Vec3f(-0.55f, 0, 0.99f), Vec3f(0, 0, 1.99f)})
@@ -43,7 +31,7 @@ TEST(MediumAt, PenumbraIsFogUpToTheBox) {
 }
 
 TEST(MediumAt, CloudOfGlowIsAMesh) {
-  const auto world = load("scenes/glow", "glow.xml");
+  const auto world = load_world("scenes/glow", "glow.xml");
   EXPECT_EQ(world->medium_at({0, 0, 0}), 0);
   EXPECT_EQ(world->medium_at({0.28f, 0.15f, -0.05f}), 0);  // between lamp and cage
   for (const Vec3f x :
@@ -52,9 +40,9 @@ TEST(MediumAt, CloudOfGlowIsAMesh) {
 }
 
 TEST(MediumAt, StatuesStandInFog) {
-  const std::string root = test::shared_path("data/statues");
+  const std::string root = fogbank::test::shared_path("data/statues");
   if (!std::filesystem::exists(root)) GTEST_SKIP() << "shared data is absent: " << root;
-  const auto world = load(root, "room_fog.xml");
+  const auto world = load_world(root, "room_fog.xml");
   const int32_t fog = world->scene().sensor.medium;
   EXPECT_EQ(world->medium_at({9.5f, 1.9f, 5.3f}), fog);
   EXPECT_EQ(world->medium_at({2.6f, 3.0f, 4.2f}), fog);
@@ -63,15 +51,15 @@ TEST(MediumAt, StatuesStandInFog) {
 }
 
 TEST(MediumAt, WithoutBoundariesTheSensorsDecides) {
-  EXPECT_EQ(parse(two_media + R"(<sensor type="perspective"><ref name="medium" id="smoke"/></sensor>
+  EXPECT_EQ(parse_world(two_media + R"(<sensor type="perspective"><ref name="medium" id="smoke"/></sensor>
       <shape type="sphere"/>)")
                 ->medium_at({5, 0, 0}),
             1);
-  EXPECT_EQ(parse(two_media + R"(<shape type="sphere"/>)")->medium_at({5, 0, 0}), scene::none);
+  EXPECT_EQ(parse_world(two_media + R"(<shape type="sphere"/>)")->medium_at({5, 0, 0}), scene::none);
 }
 
 TEST(MediumAt, NestedAndExteriorMedia) {
-  const auto world = parse(two_media + R"(
+  const auto world = parse_world(two_media + R"(
     <shape type="sphere"><float name="radius" value="3"/><bsdf type="null"/><ref name="interior" id="fog"/></shape>
     <shape type="sphere"><bsdf type="null"/><ref name="interior" id="smoke"/><ref name="exterior" id="fog"/></shape>
     <shape type="cube"><transform name="to_world"><scale value="0.2"/><translate x="2"/></transform>
@@ -85,7 +73,8 @@ TEST(MediumAt, NestedAndExteriorMedia) {
 
 TEST(MediumAt, FarFromASmallBoundaryRaysAreAimedAtIt) {
   // The camera is inside the small ball, so the sensor's medium would be the wrong answer out here.
-  const auto world = parse(two_media + R"(<sensor type="perspective"><ref name="medium" id="fog"/></sensor>
+  const auto world =
+      parse_world(two_media + R"(<sensor type="perspective"><ref name="medium" id="fog"/></sensor>
     <shape type="sphere"><float name="radius" value="0.01"/><bsdf type="null"/><ref name="interior" id="fog"/></shape>)");
   EXPECT_EQ(world->medium_at({100, 20, 3}), scene::none);
   EXPECT_EQ(world->medium_at({0.001f, 0, 0}), 0);

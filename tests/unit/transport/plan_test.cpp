@@ -9,25 +9,13 @@
 
 #include "core/random.h"
 #include "core/sampling.h"
-#include "scene/loader.h"
-#include "scene/memory_files.h"
+#include "transport/world_builders.h"
 
 namespace fogbank::transport {
 namespace {
 
-std::unique_ptr<World> load(const std::string& root, const std::string& file) {
-  scene::prepare_render_thread();
-  return std::make_unique<World>(scene::load_scene(file, scene::folder_source(root), {}));
-}
-
-std::unique_ptr<World> parse(const std::string& body) {
-  scene::prepare_render_thread();
-  const std::string xml = "<scene version=\"3.0.0\">" + body + "</scene>";
-  return std::make_unique<World>(scene::load_scene(
-      "scene.xml",
-      std::make_shared<scene::test::MemoryFiles>(std::map<std::string, std::string>{{"scene.xml", xml}}),
-      {}));
-}
+using test::load_world;
+using test::parse_world;
 
 std::map<std::string, bool> switches(const Plan& plan) {
   std::map<std::string, bool> on;
@@ -57,7 +45,7 @@ const std::string black_light = R"(
     <emitter type="area"><rgb name="radiance" value="3"/></emitter></shape>)";
 
 TEST(Plan, Penumbra) {
-  const auto world = load("scenes/penumbra", "penumbra.xml");
+  const auto world = load_world("scenes/penumbra", "penumbra.xml");
   const Plan plan(*world, {});
   SCOPED_TRACE(printed(plan));
   const std::map<std::string, bool> expected{{"in-scattering", true},
@@ -80,7 +68,7 @@ TEST(Plan, Penumbra) {
 }
 
 TEST(Plan, OpenSpaceWithOneLightNeedsItsGridOnly) {
-  const auto world = parse(fog("0.3", "0.5") + black_light);
+  const auto world = parse_world(fog("0.3", "0.5") + black_light);
   PlanRequest request;
   request.from_medium = false;
   const Plan plan(*world, request);
@@ -98,7 +86,7 @@ TEST(Plan, OpenSpaceWithOneLightNeedsItsGridOnly) {
 }
 
 TEST(Plan, ConvexRoom) {
-  const auto world = parse(fog("0.3", "0") + black_light + R"(
+  const auto world = parse_world(fog("0.3", "0") + black_light + R"(
     <shape type="cube" id="room"><transform name="to_world"><scale x="4" y="4" z="2.01"/></transform></shape>)");
   const Plan plan(*world, {});
   SCOPED_TRACE(printed(plan));
@@ -111,7 +99,7 @@ TEST(Plan, ConvexRoom) {
 }
 
 TEST(Plan, DepthAndOrderSwitchTerms) {
-  const auto world = load("scenes/penumbra", "penumbra.xml");
+  const auto world = load_world("scenes/penumbra", "penumbra.xml");
   PlanRequest request;
   request.max_depth = 2;
   const Plan direct(*world, request);
@@ -128,9 +116,9 @@ TEST(Plan, DepthAndOrderSwitchTerms) {
 }
 
 TEST(Plan, LightsByKind) {
-  const auto world = parse(fog("0.1, 0.2, 0.3", "0.5") + R"(
+  const auto world = parse_world(fog("0.1, 0.2, 0.3", "0.5") + R"(
     <emitter type="point"/><emitter type="directional"/><emitter type="constant"/>)" +
-                           black_light + R"(
+                                 black_light + R"(
     <shape type="rectangle"><bsdf type="conductor"/></shape>)");
   const Plan plan(*world, {});
   SCOPED_TRACE(printed(plan));
@@ -143,7 +131,7 @@ TEST(Plan, LightsByKind) {
 }
 
 TEST(Plan, GlowHasACageAroundItsLampAndGreyMedia) {
-  const auto world = load("scenes/glow", "glow.xml");
+  const auto world = load_world("scenes/glow", "glow.xml");
   const Plan plan(*world, {});
   SCOPED_TRACE(printed(plan));
   EXPECT_TRUE(plan.may_be_occluded(world->light_of_hit(3, 0), {0, 0, 0}));
@@ -173,7 +161,7 @@ TEST(Plan, NothingInBetweenIsNeverClaimedWrongly) {
               number(-2, 2) + "\" z=\"" + number(-2, 2) + "\"/></transform></shape>";
     if (random.next_uint() % 2 == 0)
       body += "<shape type=\"cube\"><transform name=\"to_world\"><scale value=\"2.5\"/></transform></shape>";
-    const auto world = parse(body);
+    const auto world = parse_world(body);
     const Plan plan(*world, {});
     RayCounters counters;
     for (int i = 0; i < 200; ++i) {

@@ -9,21 +9,21 @@
 #include "scene/memory_files.h"
 #include "transport/world.h"
 
-namespace fogbank::derivatives::test {
+namespace fogbank::transport::test {
 
-inline std::shared_ptr<const transport::World> load_world(const std::string& root, const std::string& file) {
+inline std::shared_ptr<const World> load_world(const std::string& root, const std::string& file) {
   scene::prepare_render_thread();
-  return std::make_shared<const transport::World>(scene::load_scene(file, scene::folder_source(root), {}));
+  return std::make_shared<const World>(scene::load_scene(file, scene::folder_source(root), {}));
 }
 
 /// `body`: what stands between <scene> and </scene>.
-inline std::shared_ptr<const transport::World> parse_world(const std::string& body) {
+inline std::shared_ptr<const World> parse_world(const std::string& body) {
   scene::prepare_render_thread();
   const std::string xml = "<scene version=\"3.0.0\">" + body + "</scene>";
-  return std::make_shared<const transport::World>(scene::load_scene(
+  return std::make_shared<const World>(scene::load_scene(
       "scene.xml",
       std::make_shared<scene::test::MemoryFiles>(std::map<std::string, std::string>{{"scene.xml", xml}}),
       {}));
 }
 
-}  // namespace fogbank::derivatives::test
+}  // namespace fogbank::transport::test
