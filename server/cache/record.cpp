@@ -30,6 +30,7 @@ uint64_t content_id(const Vec3f& position, const Component& component, const std
   append(bytes, component.medium);
   append(bytes, component.light_group);
   append(bytes, component.scattering_order);
+  append(bytes, component.quantity);
   append(bytes, seed);
   bytes += settings;
   return std::stoull(sha256(bytes).substr(0, 16), nullptr, 16);
@@ -43,6 +44,8 @@ void validate(const Record& record) {
     if (!is_finite(gradient)) refuse("gradient", "finite");
   for (const float entry : record.hessian.entries)
     if (!std::isfinite(entry)) refuse("hessian", "finite");
+  if (!is_finite(record.normal)) refuse("normal", "finite");
+  if (!std::isfinite(record.proxy) || record.proxy < 0) refuse("proxy", "finite and not negative");
   if (!(record.visibility_margin > 0)) refuse("visibility_margin", "positive");
   if (record.samples == 0) refuse("samples", "at least 1");
   if (!std::isfinite(record.variance) || record.variance < 0) refuse("variance", "finite and not negative");

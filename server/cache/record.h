@@ -15,11 +15,33 @@
 
 namespace fogbank::cache {
 
+/// What a record's value is.
+enum class Quantity : uint8_t {
+  /// M_rest: mean radiance (fluence / 4 pi) at a point of a medium of all light that doesn't come straight
+  /// from an
+  /// emitter, W/(m^2 sr).
+  rest,
+  /// E_rest / pi at a surface: what a white Lambertian surface of normal Record::normal would send out of the
+  /// light
+  /// that doesn't come straight from an emitter, W/(m^2 sr).
+  irradiance,
+  /// rho = M / Mhat of the light group's emitter: share of its closed-form unoccluded proxy that arrives
+  /// (ratio-records.md section 1); grey for lights of constant colour. Record::proxy is Mhat's luminance.
+  ratio,
+  /// `rest` as the occlusion-unaware rival makes it (method.md section 9).
+  unaware_rest,
+  /// Mean radiance straight from emitters, as the rival makes it.
+  unaware_direct,
+};
+
 /// The part of the light field that a record describes. Records of different components are never mixed.
 struct Component {
   int32_t medium = 0;        ///< index of the medium that holds the place, as transport::medium_at names it
-  uint16_t light_group = 0;  ///< lights whose emission scales together
-  uint16_t scattering_order = 0;  ///< 0: light that comes from surfaces and emitters; k: scattered k times
+  uint16_t light_group = 0;  ///< lights whose emission scales together; of `ratio`: the emitter's index
+  /// Generation of the sources that the value was gathered from: 0: path traced, k: read from the records of
+  /// generation k - 1.
+  uint8_t scattering_order = 0;
+  Quantity quantity = Quantity::rest;
 
   friend auto operator<=>(const Component&, const Component&) = default;
 };
@@ -29,15 +51,17 @@ struct Record {
   uint64_t id = 0;    ///< content_id of all that determines the rest
   Vec3f position{0};  ///< world space
   Component component;
-  Spectrum radiance{0};             ///< M, mean incoming radiance = fluence / 4 pi, >= 0, W/(m^2 sr)
-  std::array<Vec3f, 3> gradient{};  ///< of each channel of M, per scene unit
-  Symmetric3f hessian;              ///< of the luminance of M, per scene unit squared
+  Spectrum radiance{0};             ///< the component's quantity, >= 0
+  std::array<Vec3f, 3> gradient{};  ///< of each channel of it, per scene unit
+  Symmetric3f hessian;              ///< of its luminance, per scene unit squared
+  Vec3f normal{0};                  ///< unit, of the surface that the record lies on; 0 in a medium
+  float proxy = 0;                  ///< Quantity::ratio: luminance of Mhat, >= 0; else 0
   DepthBins depth;                  ///< distance to the nearest surface, by direction
   /// Distance to the next visibility event of a directly sampled light, > 0; infinity where there is none
   /// (guard 2 of method.md section 10.4 in the exact form of ratio-records.md section 2).
   float visibility_margin = std::numeric_limits<float>::infinity();
   uint32_t samples = 1;  ///< rays behind the estimate, >= 1; weight among records of the same place
-  float variance = 0;    ///< of the estimate of the luminance of M, >= 0
+  float variance = 0;    ///< of the estimate of the luminance of `radiance`, >= 0
 };
 
 /// 64-bit hash of what determines a record. `settings` is a fingerprint of the estimator and its settings,

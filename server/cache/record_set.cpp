@@ -25,7 +25,7 @@ bool same_place(const Record& a, const Record& b) {
 
 /// Bytes as numbers: any total order will do. There are no bytes of padding.
 auto compare_contents(const Record& a, const Record& b) {
-  using Bytes = std::array<uint8_t, 176>;
+  using Bytes = std::array<uint8_t, 192>;
   return std::bit_cast<Bytes>(a) <=> std::bit_cast<Bytes>(b);
 }
 
@@ -158,7 +158,8 @@ void RecordSet::append(const Record& record) {
   shading_.push_back(shading);
   depth_.push_back(record.depth);
   nearest_.push_back(*std::min_element(record.depth.codes.begin(), record.depth.codes.end()));
-  details_.push_back({record.hessian, record.visibility_margin, record.samples, record.variance});
+  details_.push_back({record.hessian, record.normal, record.proxy, record.visibility_margin, record.samples,
+                      record.variance});
 }
 
 Record RecordSet::record(size_t index) const {
@@ -183,6 +184,8 @@ Record RecordSet::record(size_t index) const {
   }
   const Details& details = details_[index];
   result.hessian = details.hessian;
+  result.normal = details.normal;
+  result.proxy = details.proxy;
   result.depth = depth_[index];
   result.visibility_margin = details.visibility_margin;
   result.samples = details.samples;
@@ -216,6 +219,8 @@ Place RecordSet::place(const ComponentRange& range, uint32_t place) const {
   const PositionPacket& packet = positions_[range.first_packet + place / packet_size];
   const uint32_t lane = place % packet_size;
   result.position = {packet.at(0, lane), packet.at(1, lane), packet.at(2, lane)};
+  result.normal = details_[begin].normal;
+  result.proxy = details_[begin].proxy;
   result.radiance = radiance;
   for (size_t channel = 0; channel < 3; ++channel) result.gradient[channel] = gradient[channel];
   for (size_t entry = 0; entry < hessian.entries.size(); ++entry)

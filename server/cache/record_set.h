@@ -39,12 +39,14 @@ struct Place {
   Spectrum radiance{0};
   std::array<Vec3f, 3> gradient{};  ///< of each channel
   Symmetric3f hessian;
+  Vec3f normal{0};
+  float proxy = 0;
   float visibility_margin = 0;
   float variance = 0;
 };
 
 /// Immutable. Records lie along a Hilbert curve, component by component: an order that is a function of the
-/// set alone and keeps neighbours in space near each other in memory. 169 bytes a record.
+/// set alone and keeps neighbours in space near each other in memory. 185 bytes a record.
 class RecordSet {
  public:
   RecordSet() = default;
@@ -79,6 +81,8 @@ class RecordSet {
  private:
   struct Details {
     Symmetric3f hessian;
+    Vec3f normal;
+    float proxy;
     float visibility_margin;
     uint32_t samples;
     float variance;

@@ -67,7 +67,8 @@ RadianceJet Aware::estimate(const Vec3f& x, uint32_t repeat, RayCounters& counte
   const int32_t medium = world_->medium_at(x);
   RadianceJet sum;
   // Camera, x, light: two edges.
-  if (settings_.order != Order::multiple && (settings_.max_depth < 0 || settings_.max_depth >= 2)) {
+  if (settings_.emission && settings_.order != Order::multiple &&
+      (settings_.max_depth < 0 || settings_.max_depth >= 2)) {
     RandomStream random = random_at(x, settings_.seed, repeat, light_stream);
     lights_.add(x, medium, random, sum, counters);
   }

@@ -36,6 +36,8 @@ struct EstimatorSettings {
   int32_t repeats = 4;
   int32_t max_depth =
       -1;  ///< edges of a whole path camera-medium-...-light, as IntegratorSettings; -1: unbounded
+  /// Count light that comes straight from emitters; false where it is sampled elsewhere.
+  bool emission = true;
   bool bisect = true;  ///< silhouettes, method.md section 6.2
   /// Terms of the Hessian without which it doesn't converge in penumbrae, method.md section 6.4: sliding (a)
   /// and T-junctions (b). On: they cost no rays, and without (b) the Hessian of a small round light is all

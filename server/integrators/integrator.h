@@ -10,27 +10,108 @@
 #include "core/random.h"
 #include "core/ray_counters.h"
 #include "core/vector.h"
+#include "scene/sensor.h"
 
+namespace fogbank::cache {
+class SceneCache;
+}
 namespace fogbank::transport {
 class World;
 }
 
 namespace fogbank::integrators {
 
+/// How single scattering from lights of finite size gets into the picture (ratio-records.md).
+enum class SingleScattering : uint8_t {
+  automatic,  ///< by predicted cost, as the plan says
+  direct,     ///< sampled by the unoccluded proxy: unbiased
+  guided,     ///< sampled by proxy times cached ratio, which is a control variate too: unbiased
+  cached,     ///< proxy times cached ratio
+};
+
 struct IntegratorSettings {
   int32_t max_depth =
       -1;  ///< path length in edges, as Mitsuba's: 1 = emitted light only, 2 = one bounce; -1 = unbounded
   int32_t rr_depth = 2;  ///< Russian roulette by throughput from this depth on
   bool hide_emitters = false;
+  // Of methods with a cache:
+  SingleScattering single_scattering = SingleScattering::automatic;
+  int64_t most_records = int64_t{1} << 24;  ///< that one job makes; > 0
+  bool spheres = false;                     ///< isotropic extents instead of ellipsoids
+  /// The scene's records, shared with other jobs; null: the integrator keeps its own.
+  std::shared_ptr<cache::SceneCache> cache;
 };
 
-/// Immutable; one instance serves all threads.
+/// One sample of a pixel, linear sRGB, both parts finite and >= 0.
+struct PixelSample {
+  Spectrum sampled{0};  ///< depends on random numbers only: all samples of a job count
+  Spectrum cached{0};   ///< depends on the cache's epoch: replaced when the next one is published
+};
+
+/// What the cache says along a camera ray, for AOVs and error estimates; means over the look-ups, weighted by
+/// what each contributes to the pixel.
+struct CacheView {
+  float radius = 0;          ///< shortest semi-axis of the extents, scene units
+  float record_density = 0;  ///< records that count per look-up
+  float rejected = 0;        ///< records that a surface hides (guard 4) per look-up
+  float variance = 0;        ///< of the pixel's luminance, from the records' own
+  float bias = 0;            ///< of the pixel's luminance: extrapolation error as the metric bounds it
+};
+
+/// The camera of the image that is to be made, for whoever prepares it.
+class CameraRays {
+ public:
+  virtual ~CameraRays() = default;
+  /// The ray of sample `index` of film pixel (x, y), with the stream that its radiance is to be drawn from.
+  virtual Ray sample(uint32_t x, uint32_t y, uint32_t index, RandomStream& random) const = 0;
+  virtual scene::Window window() const = 0;  ///< pixels that are wanted
+  virtual Vec3f position() const = 0;
+  virtual float pixel_angle() const = 0;  ///< radians that a pixel spans in the middle; 0: orthographic
+};
+
+/// How good the cache is to be.
+struct CacheTarget {
+  double error = 0.02;   ///< relative error of the cached part of a pixel, about; 1e-6 to 10
+  bool preview = false;  ///< the first picture is awaited: the fewest records that show something
+};
+
+struct CacheCounts {
+  uint64_t records_reused = 0;  ///< in the set when the job began, of components that it uses
+  uint64_t records_new = 0;     ///< made by this job
+  uint64_t epoch = 0;           ///< of the cache, as last published
+};
+
+/// Work to be done before passes: rounds of independent tasks. The result depends on the rounds and tasks,
+/// not on who ran them.
+class Preparation {
+ public:
+  virtual ~Preparation() = default;
+  /// Ends the round before and plans the next: its number of tasks, 0 when all is prepared. Called by one
+  /// thread at a time, while no task and no pass runs.
+  virtual uint32_t next_round() = 0;
+  /// Task of the present round, 0 <= task < the number given. Any thread; a task may be run again, with the
+  /// same result, if it threw Interrupted.
+  virtual void run(uint32_t task, RayCounters& counters) = 0;
+  /// Share of the whole preparation that is done, about; 0 to 1.
+  virtual double fraction() const = 0;
+};
+
+/// One instance serves all threads; `sample` sees what the last finished preparation published.
 class Integrator {
  public:
   virtual ~Integrator() = default;
-  /// One sample of the radiance (linear sRGB, finite, >= 0) that arrives along `ray`. Draws only from
-  /// `random`.
-  virtual Spectrum radiance(const Ray& ray, RandomStream& random, RayCounters& counters) const = 0;
+  /// One sample of the radiance that arrives along `ray`. Draws only from `random`.
+  virtual PixelSample sample(const Ray& ray, RandomStream& random, RayCounters& counters) const = 0;
+  /// What must be done before `sample` may be asked for a picture as good as `target`; null: nothing. Targets
+  /// of one job get finer. `camera` and the integrator must outlive the answer.
+  virtual std::unique_ptr<Preparation> prepare(const CameraRays& /*camera*/, const CacheTarget& /*target*/) {
+    return nullptr;
+  }
+  virtual CacheCounts cache_counts() const { return {}; }
+  virtual CacheView cache_view(const Ray& /*ray*/, RandomStream& /*random*/,
+                               RayCounters& /*counters*/) const {
+    return {};
+  }
 };
 
 /// Throws Error(invalid_argument, "UNKNOWN_INTEGRATOR") naming the known ones.

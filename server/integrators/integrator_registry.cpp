@@ -3,6 +3,7 @@
 
 #include "core/error.h"
 #include "integrators/integrator.h"
+#include "integrators/radiance_cache.h"
 #include "integrators/volpath.h"
 
 namespace fogbank::integrators {
@@ -21,6 +22,12 @@ const std::vector<Entry>& entries() {
        [](std::shared_ptr<const transport::World> world,
           const IntegratorSettings& settings) -> std::unique_ptr<Integrator> {
          return std::make_unique<VolumetricPathTracer>(std::move(world), settings);
+       }},
+      {{"radiance-cache",
+        "sampled direct light; reflected and scattered light from a cache that sees occlusion"},
+       [](std::shared_ptr<const transport::World> world,
+          const IntegratorSettings& settings) -> std::unique_ptr<Integrator> {
+         return std::make_unique<RadianceCacheIntegrator>(std::move(world), settings);
        }},
   };
   return all;

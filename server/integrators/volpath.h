@@ -13,8 +13,8 @@ class VolumetricPathTracer final : public Integrator {
   VolumetricPathTracer(std::shared_ptr<const transport::World> world, const IntegratorSettings& settings)
       : kernel_(std::move(world), {settings.max_depth, settings.rr_depth, settings.hide_emitters}) {}
 
-  Spectrum radiance(const Ray& ray, RandomStream& random, RayCounters& counters) const override {
-    return kernel_.radiance(ray, random, counters);
+  PixelSample sample(const Ray& ray, RandomStream& random, RayCounters& counters) const override {
+    return {.sampled = kernel_.radiance(ray, random, counters)};
   }
 
  private:

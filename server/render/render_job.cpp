@@ -180,7 +180,8 @@ Spectrum RenderJob::Implementation::sample(uint32_t x, uint32_t y, uint32_t inde
   const Vec2f offset = scene::sample_filter_offset(settings.film, random.next_vec2());
   const Vec2f position = Vec2f(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f) + offset;
   const Ray ray = settings.sensor.sample_ray(settings.film, position, random.next_vec2());
-  const Spectrum radiance = integrator->radiance(ray, random, counters.rays);
+  const integrators::PixelSample sample = integrator->sample(ray, random, counters.rays);
+  const Spectrum radiance = sample.sampled + sample.cached;
   // A single NaN would stay in the pixel for ever. Black is wrong as well, hence the count, which isn't
   // hidden.
   if (is_finite(radiance) && min_component(radiance) >= 0) return radiance;

@@ -73,6 +73,11 @@ class Bsdf {
   virtual bool transmits() const { return false; }
   /// Has lobes that next-event estimation can reach?
   virtual bool has_smooth_lobes() const = 0;
+  /// Reflectance rho where, for `wo`, the BSDF is rho / pi for all directions on wo's side and nothing else:
+  /// irradiance is all that such a surface needs to know of the light. nullopt for any other.
+  virtual std::optional<Spectrum> lambertian_reflectance(const ShadingPoint&, const Vec3f& /*wo*/) const {
+    return std::nullopt;
+  }
   /// Mean reflectance, for plans and sampling weights only.
   virtual Spectrum albedo_estimate() const = 0;
 };

@@ -232,6 +232,18 @@ Spectrum PathTracer::scattered_radiance(const scene::SurfaceInteraction& surface
   return radiance;
 }
 
+Spectrum PathTracer::arriving_radiance(const Ray& ray, int32_t medium, int32_t depth, RandomStream& random,
+                                       RayCounters& counters, scene::Hit* first_hit) const {
+  Path path;
+  path.ray = ray;
+  path.medium = medium;
+  path.depth = depth;
+  path.sees_emission = false;
+  ++counters.closest_hit;
+  if (!world_->scene().intersector->intersect(ray, *first_hit)) first_hit->distance = infinity;
+  return trace(path, random, counters);
+}
+
 Spectrum PathTracer::mean_radiance(const Vec3f& position, int32_t medium, int32_t depth, RandomStream& random,
                                    RayCounters& counters) const {
   counters.poll();

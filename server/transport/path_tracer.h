@@ -45,6 +45,13 @@ class PathTracer {
                               int32_t medium, int32_t depth, RandomStream& random,
                               RayCounters& counters) const;
 
+  /// Radiance that arrives along `ray` from surfaces that scatter light and from the medium that holds the
+  /// ray's origin (scene::none: vacuum); emission met by the ray itself is left out. `depth` as above, the
+  /// event at the ray's origin included. `first_hit`: the surface that ends the ray, of infinite distance
+  /// where there is none.
+  Spectrum arriving_radiance(const Ray& ray, int32_t medium, int32_t depth, RandomStream& random,
+                             RayCounters& counters, scene::Hit* first_hit) const;
+
   /// Mean incoming radiance (fluence / 4 pi) at `position` in `medium` (scene::none for vacuum), whatever the
   /// medium's phase function. `depth` as above.
   Spectrum mean_radiance(const Vec3f& position, int32_t medium, int32_t depth, RandomStream& random,

@@ -33,6 +33,9 @@ class Diffuse final : public Bsdf {
   }
 
   bool has_smooth_lobes() const override { return true; }
+  std::optional<Spectrum> lambertian_reflectance(const ShadingPoint& point, const Vec3f& wo) const override {
+    return wo.z > 0.0f ? reflectance_(point) : Spectrum(0);
+  }
   Spectrum albedo_estimate() const override { return reflectance_.mean(); }
 
  private:

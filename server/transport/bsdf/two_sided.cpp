@@ -34,6 +34,10 @@ class TwoSided final : public Bsdf {
   Spectrum null_transmission(const ShadingPoint& point, const Vec3f& wo) const override {
     return wo.z >= 0.0f ? front_->null_transmission(point, wo) : back_->null_transmission(point, flip(wo));
   }
+  std::optional<Spectrum> lambertian_reflectance(const ShadingPoint& point, const Vec3f& wo) const override {
+    return wo.z >= 0.0f ? front_->lambertian_reflectance(point, wo)
+                        : back_->lambertian_reflectance(point, flip(wo));
+  }
   bool transmits() const override { return front_->transmits() || back_->transmits(); }
   bool has_smooth_lobes() const override { return front_->has_smooth_lobes() || back_->has_smooth_lobes(); }
   Spectrum albedo_estimate() const override {

@@ -250,14 +250,14 @@ TEST(Index, PointsTogetherGiveTheSameBitsAsOneByOne) {
 TEST(Epoch, ComponentsAreKeptApart) {
   std::vector<Record> records = test::make_cloud(Layout::uniform, 300, 12, 12);
   for (size_t i = 0; i < records.size(); ++i) {
-    records[i].component = {static_cast<int32_t>(i % 2), 0, static_cast<uint16_t>(i % 3)};
+    records[i].component = {static_cast<int32_t>(i % 2), 0, static_cast<uint8_t>(i % 3)};
     records[i].radiance = Spectrum(static_cast<float>(i % 6));
     records[i].gradient = {};
   }
   const auto set = std::make_shared<RecordSet>(records);
   const Epoch epoch(set, test::cloud_settings());
   for (int i = 0; i < 6; ++i) {
-    const Index* index = epoch.find({i % 2, 0, static_cast<uint16_t>(i % 3)});
+    const Index* index = epoch.find({i % 2, 0, static_cast<uint8_t>(i % 3)});
     ASSERT_NE(index, nullptr);
     for (const ComponentRange& range : set->components()) {
       if (range.component != index->component()) continue;

@@ -19,7 +19,8 @@ TEST(ContentId, DependsOnEverything) {
   ids.insert(content_id({1, 2, 3}, {3, 2, 2}, "settings", 5));
   ids.insert(content_id({1, 2, 3}, component, "setting", 5));
   ids.insert(content_id({1, 2, 3}, component, "settings", 6));
-  EXPECT_EQ(ids.size(), 8u);
+  ids.insert(content_id({1, 2, 3}, {3, 2, 1, Quantity::irradiance}, "settings", 5));
+  EXPECT_EQ(ids.size(), 9u);
 }
 
 TEST(ContentId, IsAFunction) {
@@ -28,9 +29,9 @@ TEST(ContentId, IsAFunction) {
 }
 
 TEST(ContentId, StaysTheSameForEver) {
-  // SHA-256 (Python's hashlib) of the little-endian bytes of 1f, 2f, 3f, 7, 8, 9 (32, 16, 16 bits), 10 (64
-  // bits), "abc".
-  EXPECT_EQ(content_id({1, 2, 3}, {7, 8, 9}, "abc", 10), 0x78a6fcdb712d1fc1u);
+  // SHA-256 (Python's hashlib) of the little-endian bytes of 1f, 2f, 3f, 7, 8, 9, 2 (32, 16, 8, 8 bits),
+  // 10 (64 bits), "abc".
+  EXPECT_EQ(content_id({1, 2, 3}, {7, 8, 9, Quantity::ratio}, "abc", 10), 0x7db1af9e492c7158u);
 }
 
 void expect_refused(const Record& record, const std::string& field) {

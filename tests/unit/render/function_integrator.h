@@ -17,8 +17,9 @@ class FunctionIntegrator final : public integrators::Integrator {
   using Function = std::function<Spectrum(const Ray&, RandomStream&, RayCounters&)>;
 
   explicit FunctionIntegrator(Function function) : function_(std::move(function)) {}
-  Spectrum radiance(const Ray& ray, RandomStream& random, RayCounters& counters) const override {
-    return function_(ray, random, counters);
+  integrators::PixelSample sample(const Ray& ray, RandomStream& random,
+                                  RayCounters& counters) const override {
+    return {.sampled = function_(ray, random, counters)};
   }
 
  private:

@@ -1,0 +1,20 @@
+// Record makers by quantity. A new one is its own file and one line here.
+#include "cache/record_maker.h"
+#include "cache/record_makers/rest.h"
+#include "core/error.h"
+
+namespace fogbank::cache {
+
+std::unique_ptr<RecordMaker> make_record_maker(Quantity quantity,
+                                               std::shared_ptr<const transport::World> world,
+                                               const RecordMakerSettings& settings) {
+  switch (quantity) {
+    case Quantity::rest:
+      return std::make_unique<RestRecordMaker>(std::move(world), settings);
+    default:
+      throw Error(ErrorKind::invalid_argument, "INVALID_SETTINGS",
+                  "record maker: nobody makes this quantity");
+  }
+}
+
+}  // namespace fogbank::cache

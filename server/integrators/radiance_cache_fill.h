@@ -1,0 +1,41 @@
+// Filling the cache for a camera: rounds that look for places that no record reaches, and rounds that make
+// records there. Each round sees the frozen result of the one before, so the records are a function of scene,
+// camera and settings, whatever the threads.
+#pragma once
+
+#include <vector>
+
+#include "cache/thinning.h"
+#include "integrators/radiance_cache.h"
+
+namespace fogbank::integrators {
+
+class RadianceCacheFill final : public Preparation {
+ public:
+  RadianceCacheFill(RadianceCacheIntegrator& integrator, const CameraRays& camera, const CacheTarget& target);
+
+  uint32_t next_round() override;
+  void run(uint32_t task, RayCounters& counters) override;
+  double fraction() const override;
+
+ private:
+  /// Camera rays through a band of pixels, `stride` apart.
+  void probe(uint32_t band, RayCounters& counters);
+  void grant_wishes();
+  void publish();
+  bool finer();
+
+  RadianceCacheIntegrator& integrator_;
+  const CameraRays& camera_;
+  CacheTarget target_;
+  std::unique_ptr<const cache::RecordMaker> maker_;
+  enum class Round : uint8_t { none, probing, computing } round_ = Round::none;
+  int32_t stride_ = 0;
+  int32_t attempts_ = 0;                         ///< rounds of computing at this stride
+  std::vector<std::vector<cache::Wish>> found_;  ///< by band
+  std::vector<cache::Wish> granted_;
+  std::vector<cache::Record> computed_;  ///< one for each of granted_
+  std::vector<cache::Wish> places_;      ///< of the cache's records
+};
+
+}  // namespace fogbank::integrators
