@@ -84,7 +84,7 @@ TEST(Determinism, SplitIntoPasses) {
         const Vec2f position = Vec2f(x, y) + 0.5f + offset;
         const Ray ray = settings.sensor.sample_ray(settings.film, position, random.next_vec2());
         RayCounters counters;
-        sums.add(sample, integrator->radiance(ray, random, counters));
+        sums.add(sample, integrator->sample(ray, random, counters).sampled);
       }
       for (int channel = 0; channel < 3; ++channel) {
         EXPECT_EQ(image.rgb[(y * 19 + x) * 3 + static_cast<uint32_t>(channel)],
