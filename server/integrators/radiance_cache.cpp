@@ -19,8 +19,7 @@ using transport::ShadingPoint;
 
 namespace {
 
-/// Samples along a camera ray: of light from the emitters, of cached light.
-constexpr int32_t direct_samples = 2;
+/// Look-ups along a camera ray.
 constexpr int32_t cached_samples = 2;
 /// As the path tracer's (path_tracer.cpp).
 constexpr float most_survival = 0.999f;
@@ -49,6 +48,7 @@ RadianceCacheIntegrator::RadianceCacheIntegrator(std::shared_ptr<const transport
     : world_(std::move(world)),
       settings_(settings),
       kernel_(world_, {settings.max_depth, settings.rr_depth, settings.hide_emitters}),
+      single_scattering_(world_),
       cache_(settings.cache ? settings.cache : std::make_shared<cache::SceneCache>()),
       records_at_start_(cache_->records()->size()) {}
 
@@ -95,8 +95,9 @@ PixelSample RadianceCacheIntegrator::from_medium(const Walk& walk, const MediumS
   const MediumInfo& medium = *segment.medium;
   PixelSample sum;
   if (walk.uncovered == nullptr)
-    sum.sampled = transport::in_scattered_radiance(*world_, segment, walk.medium, direct_samples,
-                                                   EmissionFoundBy::light_sampling, random, counters);
+    sum = single_scattering_.sample(segment, walk.medium, epoch_.get(), random, counters);
+  else
+    single_scattering_.find_uncovered(segment, walk.medium, epoch_.get(), *walk.uncovered);
   // One scattering event more than for direct light.
   if (settings_.max_depth >= 0 && walk.depth + 2 >= settings_.max_depth) return sum;
   const cache::Component component{walk.medium, 0, 0, cache::Quantity::rest};

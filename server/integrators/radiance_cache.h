@@ -6,6 +6,7 @@
 #include "cache/record_maker.h"
 #include "cache/scene_cache.h"
 #include "integrators/integrator.h"
+#include "integrators/single_scattering.h"
 #include "transport/path_tracer.h"
 
 namespace fogbank::integrators {
@@ -45,6 +46,7 @@ class RadianceCacheIntegrator final : public Integrator {
   std::shared_ptr<const transport::World> world_;
   IntegratorSettings settings_;
   transport::PathTracer kernel_;
+  SingleScatteringTerm single_scattering_;
   std::shared_ptr<cache::SceneCache> cache_;
   uint64_t records_at_start_ = 0;
   uint64_t records_new_ = 0;
