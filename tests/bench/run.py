@@ -1,7 +1,7 @@
 """Measures what the README promises, prints tables and writes out/bench/*.json.
 
     python -m tests.bench.run [comparison] [embree] [loading] [serving] [form_factors] [derivatives]
-                              [records] [leaving_out] [cache]      all of them by default
+                              [records] [leaving_out] [cache] [pictures]      all of them by default
 
 Figures depend on the machine and on what else it does; ratios, of runs that take turns, much less. See the modules for
 what exactly is measured.
@@ -19,7 +19,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tests.bench import cache, comparison, derivatives, embree_share, engines, form_factors, loading, records, serving
+from tests.bench import (
+    cache,
+    comparison,
+    derivatives,
+    embree_share,
+    engines,
+    form_factors,
+    loading,
+    pictures,
+    records,
+    serving,
+)
 
 
 def processor() -> str:
@@ -115,6 +126,14 @@ def main() -> None:
         save("cache", runs)
         return cache.table(runs)
 
+    def run_pictures() -> str:
+        results = []
+        for case in pictures.cases():
+            if not options.scene or case.name in options.scene:
+                results.append(pictures.measure(case.scaled(options.scale), options.threads))
+                save("pictures", results)
+        return pictures.table(results)
+
     parts: dict[str, Callable[[], str]] = {
         "comparison": run_comparison,
         "embree": run_embree,
@@ -125,6 +144,7 @@ def main() -> None:
         "derivatives": run_derivatives,
         "leaving_out": run_leaving_out,
         "cache": run_cache,
+        "pictures": run_pictures,
     }
     unknown = set(options.parts) - set(parts)
     if unknown:
