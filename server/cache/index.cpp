@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 
+#include "cache/eigen.h"
 #include "cache/extents.h"
 
 namespace fogbank::cache {
@@ -34,6 +35,7 @@ std::array<Float8, 3> extrapolate(const Shading& shading, Float8 x, Float8 y, Fl
 struct Index::Sums {
   std::array<Float8, 3> radiance{};
   Float8 weight{};
+  Float8 inverse_axes{};  ///< weights times sums of reciprocals of semi-axes
   Int8 records{};
   Int8 rejected{};
 };
@@ -76,9 +78,11 @@ void Index::look_up_bundle(std::span<const Vec3f> points, Interpolation* results
     result.weight = sums.weight[lane];
     result.records = static_cast<uint32_t>(sums.records[lane]);
     result.rejected = static_cast<uint32_t>(sums.rejected[lane]);
-    if (result.weight > 0)
+    if (result.weight > 0) {
       result.radiance =
           Spectrum(sums.radiance[0][lane], sums.radiance[1][lane], sums.radiance[2][lane]) / result.weight;
+      result.radius = 3 * result.weight / sums.inverse_axes[lane];
+    }
   }
 }
 
@@ -132,6 +136,29 @@ void Index::add(const PointBundle& points, uint32_t place, Sums& sums) const {
     sums.radiance[channel] += weight * clamped;
   }
   sums.weight += weight;
+  sums.inverse_axes += weight * tree_.inverse_trace(place);
+}
+
+std::vector<Contribution> Index::contributions(const Vec3f& point) const {
+  std::vector<Contribution> result;
+  const std::span<const PositionPacket> centres = set_->positions(*range_);
+  tree_.search(centres, PointBundle(std::span(&point, 1)), [&](const uint32_t* places, uint32_t count) {
+    for (uint32_t i = 0; i < count; ++i) {
+      const uint32_t place = places[i];
+      Sums sums;
+      add(PointBundle(std::span(&point, 1)), place, sums);
+      if (!(sums.weight[0] > 0)) continue;
+      const Eigensystem<3> system = eigen_decomposition(tree_.inverse_root(place));
+      const double largest = std::max({system.values[0], system.values[1], system.values[2]});
+      result.push_back({place, sums.weight[0], static_cast<float>(1 / largest)});
+    }
+  });
+  return result;
+}
+
+float Index::radius(uint32_t place) const {
+  const float sum = tree_.inverse_trace(place);
+  return sum > 0 ? 3 / sum : 0.0f;
 }
 
 Epoch::Epoch(std::shared_ptr<const RecordSet> set, const MetricSettings& settings) : set_(std::move(set)) {

@@ -15,8 +15,16 @@ namespace fogbank::cache {
 struct Interpolation {
   Spectrum radiance{0};   ///< mean incoming radiance, finite, >= 0; 0 where no record reaches
   float weight = 0;       ///< sum of weights; 0: no record reaches
+  float radius = 0;       ///< harmonic mean of the semi-axes of what counts, scene units; 0 where none does
   uint32_t records = 0;   ///< places that count
   uint32_t rejected = 0;  ///< places whose extent holds the point, yet with a surface between (guard 4)
+};
+
+/// What one place contributes to a look-up.
+struct Contribution {
+  uint32_t place = 0;  ///< of the component, as RecordSet::place counts them
+  float weight = 0;    ///< > 0
+  float shortest = 0;  ///< semi-axis of its extent, scene units
 };
 
 /// Records of one component for one threshold. Immutable: look-ups take no lock.
@@ -33,6 +41,12 @@ class Index {
   /// several times faster.
   void look_up(std::span<const Vec3f> points, std::span<Interpolation> results) const;
 
+  /// The places behind look_up(point), with their weights: for showing and judging what a look-up rests on.
+  std::vector<Contribution> contributions(const Vec3f& point) const;
+  /// Harmonic mean of the semi-axes of the extent of `place`; 0 where it holds nothing.
+  float radius(uint32_t place) const;
+
+  const ComponentRange& range() const { return *range_; }
   const Component& component() const { return range_->component; }
   /// Bytes that the index holds besides the set.
   size_t memory() const { return tree_.memory(); }
