@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "derivatives/medium_rays.h"
-#include "derivatives/path_source.h"
 #include "derivatives/plan_request.h"
 #include "derivatives/random_at.h"
 
@@ -57,13 +56,17 @@ Aware::Aware(std::shared_ptr<const transport::World> world, const EstimatorSetti
       plan_(*world_, plan_request(settings)),
       lights_(*world_, plan_, settings),
       sphere_(world_, settings),
-      source_(std::make_unique<PathTracedSource>(
-          std::make_shared<transport::PathTracer>(world_,
-                                                  transport::PathSettings{.max_depth = settings.max_depth}),
-          source_depth)),
-      medium_(*world_, *source_) {}
+      paths_(std::make_shared<transport::PathTracer>(
+                 world_, transport::PathSettings{.max_depth = settings.max_depth}),
+             source_depth) {}
 
 RadianceJet Aware::estimate(const Vec3f& x, uint32_t repeat, RayCounters& counters) const {
+  SphereSamples samples(*world_, plan_);
+  return estimate_from({paths_, paths_}, x, repeat, samples, counters);
+}
+
+RadianceJet Aware::estimate_from(const LightSources& sources, const Vec3f& x, uint32_t repeat,
+                                 SphereSamples& samples, RayCounters& counters) const {
   const int32_t medium = world_->medium_at(x);
   RadianceJet sum;
   // Camera, x, light: two edges.
@@ -73,30 +76,30 @@ RadianceJet Aware::estimate(const Vec3f& x, uint32_t repeat, RayCounters& counte
     lights_.add(x, medium, random, sum, counters);
   }
   if (!plan_.sphere_grid()) return sum;
-  SphereSamples samples(*world_, plan_);
   RandomStream ray_random = random_at(x, settings_.seed, repeat, ray_stream);
   sphere_.trace(x, medium, ray_random, samples, counters);
   if (settings_.order != Order::multiple) {
     RandomStream random = random_at(x, settings_.seed, repeat, radiance_stream);
-    sphere_.sample_radiance(random, samples, counters);
+    sphere_.sample_radiance(sources.surfaces, random, samples, counters);
   }
   sphere_.find_outlines(samples, counters);
   if (settings_.order != Order::multiple) sum += sphere_.gather(samples, counters);
   if (plan_.shells()) {
     RandomStream random = random_at(x, settings_.seed, repeat, medium_stream);
-    add_medium(x, samples, random, sum, counters);
+    add_medium(sources.medium, x, samples, random, sum, counters);
   }
   return sum;
 }
 
-void Aware::add_medium(const Vec3f& x, const SphereSamples& samples, RandomStream& random, RadianceJet& sum,
-                       RayCounters& counters) const {
+void Aware::add_medium(const MediumSource& source, const Vec3f& x, const SphereSamples& samples,
+                       RandomStream& random, RadianceJet& sum, RayCounters& counters) const {
   const std::vector<MediumRay> rays = medium_rays(samples.rays.lines(), counters);
   counters.poll();
   const std::vector<RayOutline> outlines =
       ray_outlines(samples, far_radii * static_cast<double>(world_->scene().bounds.radius));
-  sum += medium_.gather(x, rays, samples.rays.topology().triangles(), outlines, settings_.derivatives, random,
-                        counters);
+  sum += MediumGather(*world_, source)
+             .gather(x, rays, samples.rays.topology().triangles(), outlines, settings_.derivatives, random,
+                     counters);
 }
 
 }  // namespace fogbank::derivatives

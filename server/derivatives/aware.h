@@ -6,6 +6,7 @@
 #include "derivatives/estimator.h"
 #include "derivatives/light_gather.h"
 #include "derivatives/medium_gather.h"
+#include "derivatives/path_source.h"
 #include "derivatives/sphere_gather.h"
 #include "transport/plan.h"
 
@@ -17,19 +18,24 @@ class Aware final : public Estimator {
  public:
   Aware(std::shared_ptr<const transport::World> world, const EstimatorSettings& settings);
 
+  /// Light of medium and surfaces is path traced.
   RadianceJet estimate(const Vec3f& x, uint32_t repeat, RayCounters& counters) const override;
+  /// The same with light from elsewhere. `samples`, made for plan(), keeps what was seen around x; untouched
+  /// where the plan wants no sphere grid.
+  RadianceJet estimate_from(const LightSources& sources, const Vec3f& x, uint32_t repeat,
+                            SphereSamples& samples, RayCounters& counters) const;
+  const transport::Plan& plan() const { return plan_; }
 
  private:
-  void add_medium(const Vec3f& x, const SphereSamples& samples, RandomStream& random, RadianceJet& sum,
-                  RayCounters& counters) const;
+  void add_medium(const MediumSource& source, const Vec3f& x, const SphereSamples& samples,
+                  RandomStream& random, RadianceJet& sum, RayCounters& counters) const;
 
   std::shared_ptr<const transport::World> world_;
   EstimatorSettings settings_;
   transport::Plan plan_;
   LightGather lights_;
   SphereGather sphere_;
-  std::unique_ptr<const MediumSource> source_;
-  MediumGather medium_;
+  PathTracedSource paths_;
 };
 
 }  // namespace fogbank::derivatives

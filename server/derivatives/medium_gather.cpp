@@ -36,7 +36,7 @@ void keep_finite(Jet3d& jet) {
 }  // namespace
 
 void MediumGather::march_stretch(MediumRecord& record, size_t ray, size_t index, std::span<const double> ends,
-                                 double phase, RandomStream& random, RayCounters& counters) const {
+                                 double phase) const {
   const MediumStretch& stretch = record.rays[ray].stretches[index];
   const transport::MediumInfo& medium = world_.medium(stretch.medium);
   const Vec3d sigma_t(medium.sigma_t);
@@ -47,32 +47,50 @@ void MediumGather::march_stretch(MediumRecord& record, size_t ray, size_t index,
       before *= transmittances(Vec3d(world_.medium(passed.medium).sigma_t), passed.end - passed.begin);
   }
   const double length = record.end(stretch.end) - stretch.begin;
-  const auto look = [&](double begin, double end, size_t stratum, bool near) {
+  const auto place = [&](double begin, double end, size_t stratum, bool near) {
     // Rays out of step: what a march with coarse strata misses then differs from ray to ray and cancels,
     // instead of being an error common to them all.
     const double turned =
         phase + static_cast<double>(stratum) * stratum_turn + static_cast<double>(ray) * ray_turn;
     const DistanceSample drawn = sample_stratum(sigma_t, begin, end, turned - std::floor(turned));
     const double within = std::min(drawn.distance, length * inside_share);
-    MediumSample sample{stretch.begin + within, static_cast<uint32_t>(index), near,
-                        before * Vec3d(medium.sigma_s) * transmittances(sigma_t, within) * drawn.inverse_pdf,
-                        Vec3d(0)};
+    const MediumSample sample{
+        stretch.begin + within, static_cast<uint32_t>(index), near,
+        before * Vec3d(medium.sigma_s) * transmittances(sigma_t, within) * drawn.inverse_pdf, Vec3d(0)};
     if (sample.weight == Vec3d(0)) return;
-    const Vec3f y = record.x + Vec3f(record.rays[ray].direction * sample.distance);
-    sample.source = Vec3d(source_.mean_radiance(y, stretch.medium, random, counters));
     record.samples.push_back(sample);
-    if (near) record.nearby[ray] = {sample.distance, end, sample.source};
+    if (near) record.nearby[ray] = {sample.distance, end, Vec3d(0)};
   };
   double begin = 0;
   for (size_t k = 0; k < ends.size() && begin < length; ++k) {
     const double end = std::min(ends[k], length);
     const bool near = index == 0 && k == 0;
     if (near) {
-      look(0, near_share * end, ends.size(), true);
+      place(0, near_share * end, ends.size(), true);
       begin = near_share * end;
     }
-    look(begin, end, k, near);
+    place(begin, end, k, near);
     begin = end;
+  }
+}
+
+void MediumGather::look(MediumRecord& record, size_t ray, size_t first, RandomStream& random,
+                        RayCounters& counters) const {
+  const MediumRay& line = record.rays[ray];
+  std::vector<Vec3f> points;
+  std::vector<Spectrum> sources;
+  while (first < record.samples.size()) {
+    const uint32_t stretch = record.samples[first].stretch;
+    points.clear();
+    for (size_t i = first; i < record.samples.size() && record.samples[i].stretch == stretch; ++i)
+      points.push_back(record.x + Vec3f(line.direction * record.samples[i].distance));
+    sources.resize(points.size());
+    source_.mean_radiance_at(points, line.stretches[stretch].medium, random, counters, sources);
+    for (const Spectrum& source : sources) {
+      MediumSample& sample = record.samples[first++];
+      sample.source = Vec3d(source);
+      if (sample.near) record.nearby[ray].source = sample.source;
+    }
   }
 }
 
@@ -99,7 +117,7 @@ void MediumGather::march(MediumRecord& record, RandomStream& random, RayCounters
     counters.poll_at(i);
     record.first.push_back(record.samples.size());
     const std::vector<MediumStretch>& stretches = record.rays[i].stretches;
-    if (!around.empty()) march_stretch(record, i, 0, around, phase, random, counters);
+    if (!around.empty()) march_stretch(record, i, 0, around, phase);
     Vec3d before = transmittances(record.sigma_t, record.first_end(i));
     for (size_t j = 1; j < stretches.size(); ++j) {
       const int32_t medium = stretches[j].medium;
@@ -116,8 +134,9 @@ void MediumGather::march(MediumRecord& record, RandomStream& random, RayCounters
                         ? marching_strata(sigma_t, length, settings_.optical_step, settings_.steps)
                         : importance_strata(sigma_t, length, 0,
                                             1 + static_cast<int>(share * (settings_.noisy_strata - 1))),
-                    phase, random, counters);
+                    phase);
     }
+    look(record, i, record.first.back(), random, counters);
   }
   record.first.push_back(record.samples.size());
 }

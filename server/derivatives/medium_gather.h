@@ -75,8 +75,12 @@ class MediumGather {
 
  private:
   void march(MediumRecord& record, RandomStream& random, RayCounters& counters) const;
+  /// Places samples; what the source is there, `look` finds.
   void march_stretch(MediumRecord& record, size_t ray, size_t stretch, std::span<const double> ends,
-                     double phase, RandomStream& random, RayCounters& counters) const;
+                     double phase) const;
+  /// Samples the source where record.samples from number `first` on lie, all along one ray.
+  void look(MediumRecord& record, size_t ray, size_t first, RandomStream& random,
+            RayCounters& counters) const;
   /// Determines the linear source that samples are measured against.
   void subtract_linear_source(MediumRecord& record, RandomStream& random, RayCounters& counters) const;
 

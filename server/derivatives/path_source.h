@@ -1,4 +1,4 @@
-// The medium's own light, path traced.
+// Light of medium and surfaces, path traced.
 #pragma once
 
 #include <memory>
@@ -8,7 +8,7 @@
 
 namespace fogbank::derivatives {
 
-class PathTracedSource final : public MediumSource {
+class PathTracedSource final : public MediumSource, public SurfaceSource {
  public:
   /// `depth`: scattering events between the camera and the points asked for; 1 for a record that the camera
   /// sees.
@@ -19,6 +19,16 @@ class PathTracedSource final : public MediumSource {
                          RayCounters& counters) const override {
     const Spectrum sample = kernel_->mean_radiance(y, medium, depth_, random, counters);
     return is_finite(sample) ? sample : Spectrum(0);
+  }
+  Spectrum leaving_radiance(const SurfaceHit& hit, int32_t samples, RandomStream& random,
+                            RayCounters& counters) const override {
+    Spectrum sum(0);
+    for (int32_t i = 0; i < samples; ++i) {
+      const Spectrum sample =
+          kernel_->scattered_radiance(hit.surface, hit.direction, hit.medium, depth_, random, counters);
+      if (is_finite(sample)) sum += sample;
+    }
+    return samples > 1 ? sum / static_cast<float>(samples) : sum;
   }
 
  private:

@@ -1,22 +1,56 @@
-// Where the march of multiple scattering takes the medium's own light from.
+// Where gathers take the light from that medium and surfaces send out: path traced, given by a function
+// (tests), or looked up in a cache.
 #pragma once
+
+#include <span>
 
 #include "core/random.h"
 #include "core/ray_counters.h"
-#include "core/vector.h"
+#include "scene/scene.h"
 
 namespace fogbank::derivatives {
 
 /// q(y) of method.md sections 1 and 8: mean radiance (fluence / 4 pi) at points of the medium; times sigma_s
-/// it is what the medium sends out. Path traced, given by a function (tests), or looked up in a cache.
+/// it is what the medium sends out.
 class MediumSource {
  public:
   virtual ~MediumSource() = default;
   /// One unbiased sample at `y` inside `medium`; finite, >= 0. Draws only from `random`.
   virtual Spectrum mean_radiance(const Vec3f& y, int32_t medium, RandomStream& random,
                                  RayCounters& counters) const = 0;
+  /// The same at several points, results[i] at points[i]; cheaper where neighbours in the order are close.
+  virtual void mean_radiance_at(std::span<const Vec3f> points, int32_t medium, RandomStream& random,
+                                RayCounters& counters, std::span<Spectrum> results) const {
+    for (size_t i = 0; i < points.size(); ++i)
+      results[i] = mean_radiance(points[i], medium, random, counters);
+  }
   /// Samples are free of noise, so that no filtering is due.
   virtual bool exact() const { return false; }
+};
+
+/// What a ray ended at.
+struct SurfaceHit {
+  scene::SurfaceInteraction surface;
+  Vec3f direction{0, 0, 1};      ///< of the ray, unit: towards the surface
+  int32_t medium = scene::none;  ///< where the ray arrives
+  /// How much the hit's radiance counts, >= 0: its transmittance to the ray's origin. 0: not at all.
+  float importance = 1;
+};
+
+/// Radiance that surfaces send against rays because they scatter light: reflected and refracted, without
+/// their own emission and without what comes straight on through them.
+class SurfaceSource {
+ public:
+  virtual ~SurfaceSource() = default;
+  /// Mean of `samples` (>= 1) unbiased samples; finite, >= 0. Draws only from `random`.
+  virtual Spectrum leaving_radiance(const SurfaceHit& hit, int32_t samples, RandomStream& random,
+                                    RayCounters& counters) const = 0;
+};
+
+/// The light around a point. What is referred to must outlive this.
+struct LightSources {
+  const MediumSource& medium;
+  const SurfaceSource& surfaces;
 };
 
 }  // namespace fogbank::derivatives

@@ -11,8 +11,6 @@ namespace {
 
 /// Bisections of an outline (method.md section 17).
 constexpr int32_t outline_steps = 4;
-/// Scattering events before light leaves a hit: the one at x.
-constexpr int32_t hit_depth = 1;
 /// Least distance to a surface in radii of the scene: below it single precision no longer tells points apart.
 constexpr float least_radii = 1e-7f;
 /// The triangulation is trusted as far as its own value is within this factor of the mean.
@@ -44,7 +42,7 @@ Spectrum extend(const Spectrum& weight, const Spectrum& sigma_t, float extra) {
 }  // namespace
 
 SphereGather::SphereGather(std::shared_ptr<const transport::World> world, const EstimatorSettings& settings)
-    : world_(std::move(world)), settings_(settings), kernel_(world_, {.max_depth = settings.max_depth}) {}
+    : world_(std::move(world)), settings_(settings) {}
 
 void SphereGather::trace(const Vec3f& x, int32_t medium, RandomStream& random, SphereSamples& samples,
                          RayCounters& counters) const {
@@ -66,12 +64,12 @@ void SphereGather::find_outlines(SphereSamples& samples, RayCounters& counters) 
                                                 ends.size() / static_cast<size_t>(outline_steps), counters);
 }
 
-void SphereGather::sample_radiance(RandomStream& random, SphereSamples& samples,
+void SphereGather::sample_radiance(const SurfaceSource& source, RandomStream& random, SphereSamples& samples,
                                    RayCounters& counters) const {
   const SphereRays& rays = samples.rays;
-  // Rays that see no surface leave their paths to the others.
+  // Rays that see no surface leave their samples to the others.
   const std::vector<Spectrum> leaving = surface_radiance(
-      kernel_, rays.hits(), static_cast<int32_t>(rays.ends().size()), hit_depth, random, counters);
+      *world_, source, rays.hits(), static_cast<int32_t>(rays.ends().size()), random, counters);
   for (size_t i = 0; i < leaving.size(); ++i) samples.radiance[rays.rays_of_hits()[i]] = leaving[i];
 }
 

@@ -8,7 +8,6 @@
 #include "derivatives/estimator.h"
 #include "derivatives/outlines.h"
 #include "derivatives/sphere_rays.h"
-#include "transport/path_tracer.h"
 
 namespace fogbank::derivatives {
 
@@ -31,8 +30,9 @@ class SphereGather {
   /// Traces the rays from `x` in `medium`.
   void trace(const Vec3f& x, int32_t medium, RandomStream& random, SphereSamples& samples,
              RayCounters& counters) const;
-  /// Samples radiance at the rays' ends, settings.samples paths altogether.
-  void sample_radiance(RandomStream& random, SphereSamples& samples, RayCounters& counters) const;
+  /// Samples radiance at the rays' ends, settings.samples times altogether.
+  void sample_radiance(const SurfaceSource& source, RandomStream& random, SphereSamples& samples,
+                       RayCounters& counters) const;
   /// Looks for outlines, with at most as many rays as the grid has; of what `sample_radiance` found if it was
   /// called. Nothing to do if no derivatives are asked for.
   void find_outlines(SphereSamples& samples, RayCounters& counters) const;
@@ -46,7 +46,6 @@ class SphereGather {
  private:
   std::shared_ptr<const transport::World> world_;
   EstimatorSettings settings_;
-  transport::PathTracer kernel_;
 };
 
 }  // namespace fogbank::derivatives

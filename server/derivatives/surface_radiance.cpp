@@ -31,20 +31,13 @@ std::vector<int32_t> share_out(const transport::World& world, std::span<const Su
   return counts;
 }
 
-std::vector<Spectrum> surface_radiance(const transport::PathTracer& kernel, std::span<const SurfaceHit> hits,
-                                       int32_t budget, int32_t depth, RandomStream& random,
+std::vector<Spectrum> surface_radiance(const transport::World& world, const SurfaceSource& source,
+                                       std::span<const SurfaceHit> hits, int32_t budget, RandomStream& random,
                                        RayCounters& counters) {
-  const std::vector<int32_t> counts = share_out(kernel.world(), hits, budget);
+  const std::vector<int32_t> counts = share_out(world, hits, budget);
   std::vector<Spectrum> radiance(hits.size(), Spectrum(0));
-  for (size_t i = 0; i < hits.size(); ++i) {
-    const SurfaceHit& hit = hits[i];
-    for (int32_t k = 0; k < counts[i]; ++k) {
-      const Spectrum sample =
-          kernel.scattered_radiance(hit.surface, hit.direction, hit.medium, depth, random, counters);
-      if (is_finite(sample)) radiance[i] += sample;
-    }
-    if (counts[i] > 1) radiance[i] /= static_cast<float>(counts[i]);
-  }
+  for (size_t i = 0; i < hits.size(); ++i)
+    if (counts[i] > 0) radiance[i] = source.leaving_radiance(hits[i], counts[i], random, counters);
   return radiance;
 }
 

@@ -1,25 +1,16 @@
-// Radiance that surfaces send towards a record's point because they reflect or refract light: path traced,
-// with a budget that is shared out over the hits of a direction grid.
+// Radiance that surfaces send towards a record's point because they reflect or refract light: sampled with a
+// budget that is shared out over the hits of a direction grid.
 #pragma once
 
 #include <array>
 #include <cstdint>
-#include <memory>
 #include <span>
 #include <vector>
 
-#include "transport/path_tracer.h"
+#include "derivatives/source.h"
+#include "transport/world.h"
 
 namespace fogbank::derivatives {
-
-/// What a ray of a direction grid ended at.
-struct SurfaceHit {
-  scene::SurfaceInteraction surface;
-  Vec3f direction{0, 0, 1};      ///< of the ray, unit: towards the surface
-  int32_t medium = scene::none;  ///< where the ray arrives
-  /// How much the hit's radiance counts, >= 0: its transmittance to the point. 0: not at all.
-  float importance = 1;
-};
 
 /// Samples for each hit, `budget` altogether as near as can be: one for every hit that counts, the rest in
 /// proportion to importance times the BSDF's mean reflectance, rounded by passing the remainder on to the
@@ -28,10 +19,9 @@ std::vector<int32_t> share_out(const transport::World& world, std::span<const Su
                                int32_t budget);
 
 /// Unbiased mean of the samples of every hit: light scattered towards the point, emission left out (it
-/// counts in the lights' own grids). Linear sRGB, finite, >= 0. `depth`: scattering events between the camera
-/// and the hits, 1 for a record seen by the camera.
-std::vector<Spectrum> surface_radiance(const transport::PathTracer& kernel, std::span<const SurfaceHit> hits,
-                                       int32_t budget, int32_t depth, RandomStream& random,
+/// counts in the lights' own grids). Linear sRGB, finite, >= 0.
+std::vector<Spectrum> surface_radiance(const transport::World& world, const SurfaceSource& source,
+                                       std::span<const SurfaceHit> hits, int32_t budget, RandomStream& random,
                                        RayCounters& counters);
 
 /// The 8 neighbours of each vertex of a direction grid; symmetric: i is a neighbour of j as often as j of i.

@@ -12,6 +12,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "derivatives/path_source.h"
 #include "derivatives/plan_request.h"
 #include "derivatives/random_at.h"
 #include "derivatives/sphere_gather.h"
@@ -148,6 +149,7 @@ nlohmann::json measure(const std::shared_ptr<const transport::World>& world, con
   const SphereGather plain = gather_for(DerivativeOrder::hessian, false);
   const SphereGather bisected = gather_for(DerivativeOrder::hessian, true);
 
+  const PathTracedSource paths(std::make_shared<transport::PathTracer>(world, transport::PathSettings{}), 1);
   const scene::Intersector& intersector = *world->scene().intersector;
   std::map<std::string, double> seconds;
   RayCounters counters;
@@ -208,7 +210,7 @@ nlohmann::json measure(const std::shared_ptr<const transport::World>& world, con
     {
       RandomStream random = random_at(x, 0, 0, 1);
       const Stopwatch watch(seconds["radiance"]);
-      value.sample_radiance(random, samples, counters);
+      value.sample_radiance(paths, random, samples, counters);
     }
     gather_stage(value, "value");
     timed("jumps", [&] { plain.find_outlines(samples, counters); });

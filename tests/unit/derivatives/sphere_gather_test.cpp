@@ -1,6 +1,7 @@
 // The sphere grid's sum against closed forms.
 #include <gtest/gtest.h>
 
+#include "derivatives/path_source.h"
 #include "derivatives/plan_request.h"
 #include "derivatives/sphere_gather.h"
 #include "derivatives/triangle_form_factor.h"
@@ -28,6 +29,10 @@ const std::string blockers = R"(
   <shape type="sphere"><point name="center" x="0.8" y="1" z="0.2"/><float name="radius" value="0.3"/></shape>
   <shape type="cube"><transform name="to_world"><scale value="0.2"/><rotate z="1" angle="30"/>
     <translate x="-1" y="-0.5" z="-0.3"/></transform></shape>)";
+
+PathTracedSource path_traced(const std::shared_ptr<const transport::World>& world) {
+  return {std::make_shared<transport::PathTracer>(world, transport::PathSettings{}), 1};
+}
 
 /// The gather's answer if every surface sent out radiance 1 in all directions.
 RadianceJet lit_uniformly(const std::shared_ptr<const transport::World>& world, const Vec3f& x,
@@ -144,7 +149,7 @@ TEST(SphereGather, PlateBeforeTheSky) {
   for (uint32_t repeat = 0; repeat < repeats; ++repeat) {
     RandomStream random(1, 2, 3, repeat);
     gather.trace(x, scene::none, random, samples, counters);
-    gather.sample_radiance(random, samples, counters);
+    gather.sample_radiance(path_traced(world), random, samples, counters);
     gather.find_outlines(samples, counters);
     RadianceJet jet = gather.gather(samples);
     jet *= 1.0 / repeats;
@@ -173,7 +178,7 @@ TEST(SphereGather, FlatMirrorShowsVirtualImages) {
   RayCounters counters;
   const Vec3f x(0.2f, 0.1f, 0.7f);
   gather.trace(x, scene::none, random, samples, counters);
-  gather.sample_radiance(random, samples, counters);
+  gather.sample_radiance(path_traced(world), random, samples, counters);
   const SphereRays& rays = samples.rays;
   int images = 0;
   double sky = 0;

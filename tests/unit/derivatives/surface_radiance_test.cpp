@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "derivatives/path_source.h"
 #include "scene/loader.h"
 #include "scene/memory_files.h"
 
@@ -45,11 +46,12 @@ class SurfaceRadiance : public ::testing::Test {
 };
 
 TEST_F(SurfaceRadiance, IsTheReflectanceInAWhiteSky) {
-  const transport::PathTracer kernel(world_, {});
+  const PathTracedSource source(std::make_shared<transport::PathTracer>(world_, transport::PathSettings{}),
+                                1);
   const std::vector<SurfaceHit> hits{hit({-4, 0, 0}), hit({0, 0.5f, 0}), hit({4, 0, 0}), hit({0, 0, 0}, 0)};
   RandomStream random(5, 0, 0, 0);
   RayCounters counters;
-  const std::vector<Spectrum> radiance = surface_radiance(kernel, hits, 4000, 1, random, counters);
+  const std::vector<Spectrum> radiance = surface_radiance(*world_, source, hits, 4000, random, counters);
   // Both techniques of a sample see the same sky, so that their weighted sum strays by a few percent of one
   // sample's value only: 1 % is more than four standard errors of the mean of a thousand.
   const Spectrum expected[] = {Spectrum(0.8f), {0.2f, 0.4f, 0.1f}, Spectrum(0), Spectrum(0)};
@@ -59,11 +61,12 @@ TEST_F(SurfaceRadiance, IsTheReflectanceInAWhiteSky) {
 
 TEST_F(SurfaceRadiance, EndsWithThePath) {
   // Camera, point, wall, sky: three edges.
-  const transport::PathTracer kernel(world_, {2, 2, false});
+  const PathTracedSource source(
+      std::make_shared<transport::PathTracer>(world_, transport::PathSettings{2, 2, false}), 1);
   RandomStream random(5, 0, 0, 0);
   RayCounters counters;
   EXPECT_TRUE(is_black(
-      surface_radiance(kernel, std::vector<SurfaceHit>{hit({0, 0, 0})}, 10, 1, random, counters)[0]));
+      surface_radiance(*world_, source, std::vector<SurfaceHit>{hit({0, 0, 0})}, 10, random, counters)[0]));
 }
 
 TEST_F(SurfaceRadiance, BudgetIsSharedOutByImportance) {
