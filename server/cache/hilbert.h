@@ -17,6 +17,8 @@ class HilbertCurve {
   /// Number of the cell that holds `position` along the curve, below 2^63.
   uint64_t index(const Vec3f& position) const;
 
+  friend bool operator==(const HilbertCurve&, const HilbertCurve&) = default;
+
  private:
   double cells_per_unit_;
 };

@@ -54,7 +54,7 @@ struct Record {
   Spectrum radiance{0};             ///< the component's quantity, >= 0
   std::array<Vec3f, 3> gradient{};  ///< of each channel of it, per scene unit
   Symmetric3f hessian;              ///< of its luminance, per scene unit squared
-  Vec3f normal{0};                  ///< unit, of the surface that the record lies on; 0 in a medium
+  Vec3f normal{0};                  ///< Quantity::irradiance: unit, of the surface; else 0
   float proxy = 0;                  ///< Quantity::ratio: luminance of Mhat, >= 0; else 0
   DepthBins depth;                  ///< distance to the nearest surface, by direction
   /// Distance to the next visibility event of a directly sampled light, > 0; infinity where there is none
@@ -71,5 +71,17 @@ uint64_t content_id(const Vec3f& position, const Component& component, const std
 
 /// Throws Error(invalid_argument, "INVALID_RECORD") naming the field that isn't finite or out of range.
 void validate(const Record& record);
+
+/// The record as sets and files keep it: normal to 7e-5 radians (packed_normal.h), visibility margin rounded
+/// down to 8 bits of mantissa, -0 in positions as 0. Idempotent.
+Record canonical(const Record& record);
+
+/// What of a quantity's records is particular to it: the packed normal, the proxy's bits or nothing (0).
+bool has_particular(Quantity quantity);
+uint32_t pack_particular(const Record& record);
+void unpack_particular(uint32_t packed, Record& record);
+/// Visibility margins, > 0, as the upper half of their bits.
+uint16_t pack_margin(float margin);
+float unpack_margin(uint16_t packed);
 
 }  // namespace fogbank::cache

@@ -1,6 +1,7 @@
 // A cache's contents: a grow-only set of records.
 #pragma once
 
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -15,13 +16,14 @@ struct Shading {
   std::array<Spectrum, 3> derivatives{};  ///< d radiance / d x, d y, d z
 };
 
-/// The records of one component. A *place* is a position; its records are neighbours, in the order of their
-/// ids.
+/// The records of one component. A *place* is a position, on surfaces with a normal; its records are
+/// neighbours, in the order of their ids.
 struct ComponentRange {
   Component component;
   size_t first_record = 0;  ///< in the set
   size_t record_count = 0;
-  size_t first_packet = 0;  ///< positions of places, 8 a packet, the last one padded
+  size_t first_packet = 0;      ///< positions of places, 8 a packet, the last one padded
+  size_t first_particular = 0;  ///< of the first record, where has_particular()
   uint32_t place_count = 0;
   /// Number of the first record of each place and one past the last, relative to first_record; empty where
   /// each place has one record, which is what fills make first.
@@ -45,15 +47,16 @@ struct Place {
   float variance = 0;
 };
 
-/// Immutable. Records lie along a Hilbert curve, component by component: an order that is a function of the
-/// set alone and keeps neighbours in space near each other in memory. 185 bytes a record.
+/// Immutable. Records are canonical() and lie along a Hilbert curve, component by component: an order that is
+/// a function of the set alone and keeps neighbours in space near each other in memory. 167 bytes a record,
+/// 171 where has_particular().
 class RecordSet {
  public:
   RecordSet() = default;
-  /// The set of `records`, in any order. Of records with the same id and the same place one is kept: that
-  /// whose bytes are least, so that unions commute even if two machines disagree about a record; `conflicts`,
-  /// when given, is told how many differed. Throws Error(invalid_argument, "INVALID_RECORD") as validate()
-  /// does.
+  /// The set of `records`, in any order; costs less where they come in a set's order. Of records with the
+  /// same id and the same place one is kept: that whose bytes are least, so that unions commute even if two
+  /// machines disagree about a record; `conflicts`, when given, is told how many differed. Throws
+  /// Error(invalid_argument, "INVALID_RECORD") as validate() does.
   explicit RecordSet(std::vector<Record> records, size_t* conflicts = nullptr);
 
   size_t size() const { return ids_.size(); }
@@ -63,6 +66,9 @@ class RecordSet {
   /// Ascending by component.
   std::span<const ComponentRange> components() const { return components_; }
   Place place(const ComponentRange& range, uint32_t place) const;
+  Vec3f position(const ComponentRange& range, uint32_t place) const;
+  /// 0 unless the quantity is irradiance.
+  Vec3f normal(const ComponentRange& range, uint32_t place) const;
 
   std::span<const PositionPacket> positions(const ComponentRange& range) const {
     return std::span(positions_).subspan(range.first_packet, range.packet_count());
@@ -78,17 +84,20 @@ class RecordSet {
   /// Bytes of memory held.
   size_t memory() const;
 
+  friend RecordSet merge(const RecordSet& a, const RecordSet& b, size_t* conflicts);
+
  private:
   struct Details {
     Symmetric3f hessian;
-    Vec3f normal;
-    float proxy;
-    float visibility_margin;
-    uint32_t samples;
     float variance;
+    uint32_t samples;
   };
 
-  void append(const Record& record);
+  /// Fills the set, which is empty, with `count` records that come in order, each once; `get(i)` is called by
+  /// several threads.
+  void assemble(size_t count, const std::function<Record(size_t)>& get);
+  Record record(const ComponentRange& range, size_t index) const;
+  uint32_t place_of(const ComponentRange& range, size_t index) const;
 
   std::vector<ComponentRange> components_;
   std::vector<PositionPacket> positions_;
@@ -97,9 +106,12 @@ class RecordSet {
   std::vector<DepthBins> depth_;
   std::vector<uint8_t> nearest_;
   std::vector<Details> details_;
+  std::vector<uint16_t> margins_;
+  std::vector<uint32_t> particulars_;  ///< of components that have them
+  float extent_ = 0;                   ///< greatest coordinate, without its sign
 };
 
-/// Union: commutative, associative, idempotent.
+/// Union: commutative, associative, idempotent. Linear in the sizes, by all threads.
 RecordSet merge(const RecordSet& a, const RecordSet& b, size_t* conflicts = nullptr);
 
 }  // namespace fogbank::cache

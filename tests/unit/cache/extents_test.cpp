@@ -93,13 +93,13 @@ TEST(NeighbourClampOfExtents, BoundsByTheLongestAxes) {
   std::vector<Record> records;
   const RecordSet flat = line({1, 1});
   for (size_t i = 0; i < 2; ++i) records.push_back(flat.record(i));
-  records[0].visibility_margin = 0.01f;
+  records[0].visibility_margin = 0x1p-7f;
   const auto clamped = by_x(RecordSet(records), settings());
   std::vector<float> longest;
   for (const auto& [x, ellipsoid] : clamped) longest.push_back(ellipsoid.longest());
   std::sort(longest.begin(), longest.end());
-  EXPECT_FLOAT_EQ(longest[0], 0.01f);
-  EXPECT_FLOAT_EQ(longest[1], 0.11f);
+  EXPECT_FLOAT_EQ(longest[0], 0x1p-7f);
+  EXPECT_FLOAT_EQ(longest[1], 0.1f + 0x1p-7f);
 }
 
 TEST(MinimumRadiusOfExtents, BeatsEveryGuard) {

@@ -35,7 +35,12 @@ std::vector<Record> varied(size_t count, uint64_t seed) {
   for (size_t i = 0; i < count; ++i) {
     Record& record = records[i];
     if (i % 4 == 3) record.position = records[i - 1].position;
-    record.component = {static_cast<int32_t>(i / 4 % 2), static_cast<uint16_t>(i / 8 % 3), 1};
+    constexpr Quantity quantities[] = {Quantity::rest, Quantity::irradiance, Quantity::ratio};
+    record.component = {static_cast<int32_t>(i / 4 % 2), static_cast<uint16_t>(i / 8 % 3), 1,
+                        quantities[i / 12 % 3]};
+    if (record.component.quantity == Quantity::irradiance)
+      record.normal = square_to_uniform_sphere(random.next_vec2());
+    if (record.component.quantity == Quantity::ratio) record.proxy = random.next_float();
     record.radiance = {random.next_float(), random.next_float(), random.next_float()};
     for (Vec3f& gradient : record.gradient)
       gradient = {random.next_float(), random.next_float(), random.next_float()};
@@ -51,6 +56,7 @@ std::vector<Record> varied(size_t count, uint64_t seed) {
 TEST(RecordSet, KeepsEveryNumber) {
   std::vector<Record> records = varied(1000, 1);
   const RecordSet set(records);
+  for (Record& record : records) record = canonical(record);
   ASSERT_EQ(set.size(), records.size());
   std::vector<Record> kept = all(set);
   const auto by_id = [](const Record& a, const Record& b) { return a.id < b.id; };
@@ -82,6 +88,31 @@ TEST(RecordSet, UnionIsCommutativeAssociativeIdempotent) {
   EXPECT_TRUE(same(merge(RecordSet(), a), a));
 }
 
+TEST(RecordSet, UnionOfRandomPartsIsTheWhole) {
+  for (uint64_t seed = 0; seed < 20; ++seed) {
+    RandomStream random(seed, 1, 0, 0);
+    std::vector<Record> records = varied(200, 30 + seed);
+    // In some rounds a few records lie far out, so that parts are ordered along different curves.
+    if (seed % 3 == 0) records[7].position *= 100.0f;
+    std::array<std::vector<Record>, 4> parts;
+    for (const Record& record : records) {
+      const auto part = static_cast<size_t>(random.next_float() * 4);
+      parts[part].push_back(record);
+      if (random.next_float() < 0.3f) parts[(part + 1) % 4].push_back(record);
+    }
+    RecordSet forwards;
+    RecordSet backwards;
+    for (size_t i = 0; i < parts.size(); ++i) {
+      size_t conflicts = 1;
+      forwards = merge(forwards, RecordSet(parts[i]), &conflicts);
+      EXPECT_EQ(conflicts, 0u);
+      backwards = merge(RecordSet(parts[3 - i]), backwards);
+    }
+    EXPECT_TRUE(same(forwards, RecordSet(records)));
+    EXPECT_TRUE(same(backwards, forwards));
+  }
+}
+
 TEST(RecordSet, DisagreementIsSettledTheSameWayInAnyOrder) {
   std::vector<Record> records = varied(10, 4);
   Record other = records[5];
@@ -95,6 +126,9 @@ TEST(RecordSet, DisagreementIsSettledTheSameWayInAnyOrder) {
   EXPECT_EQ(conflicts, 1u);
   EXPECT_EQ(a.size(), records.size());
   EXPECT_TRUE(same(a, RecordSet(second)));
+  records[5] = other;
+  EXPECT_TRUE(same(a, merge(RecordSet(records), a, &conflicts)));
+  EXPECT_TRUE(same(a, merge(a, RecordSet(records))));
   const RecordSet agreed(records, &conflicts);
   EXPECT_EQ(conflicts, 0u);
 }
@@ -113,6 +147,30 @@ TEST(RecordSet, GroupsByComponentAndPlace) {
       }
   }
   EXPECT_EQ(records, set.size());
+}
+
+TEST(RecordSet, SidesOfASurfaceAreDifferentPlaces) {
+  Record up;
+  up.component.quantity = Quantity::irradiance;
+  up.normal = {0, 0, 1};
+  Record down = up;
+  down.normal = {0, 0, -1};
+  const RecordSet set({up, down});
+  ASSERT_EQ(set.components()[0].place_count, 2u);
+  EXPECT_NE(set.normal(set.components()[0], 0), set.normal(set.components()[0], 1));
+}
+
+TEST(RecordSet, CanonicalIsIdempotent) {
+  for (Record record : varied(200, 6)) {
+    record.position.x = -0.0f;
+    record.position.y = 1e-40f;
+    const Record once = canonical(record);
+    const Record twice = canonical(once);
+    EXPECT_EQ(std::memcmp(&once, &twice, sizeof(Record)), 0);
+    EXPECT_LE(once.visibility_margin, record.visibility_margin);
+    EXPECT_GE(once.visibility_margin, record.visibility_margin * (1 - 0x1p-7f));
+    EXPECT_EQ(once.position.y, 0);
+  }
 }
 
 TEST(RecordSet, PlaceIsTheMeanBySamples) {
