@@ -13,6 +13,7 @@ namespace {
 /// What verifying needs of a place.
 struct Field {
   Vec3f position;
+  Vec3f normal;
   float radiance;  ///< luminance
   Vec3f gradient;  ///< of the luminance
   float variance;
@@ -22,7 +23,7 @@ Field field_of(const Place& place) {
   Vec3f gradient;
   for (int axis = 0; axis < 3; ++axis)
     gradient[axis] = luminance({place.gradient[0][axis], place.gradient[1][axis], place.gradient[2][axis]});
-  return {place.position, luminance(place.radiance), gradient, place.variance};
+  return {place.position, place.normal, luminance(place.radiance), gradient, place.variance};
 }
 
 void lower(float& value, float candidate) {
@@ -37,6 +38,11 @@ bool reaches(const RecordSet& set, const ComponentRange& range, uint32_t place, 
   for (uint32_t record = range.begin(place); record < range.end(place); ++record)
     if (!set.depth()[range.first_record + record].reaches(offset)) return false;
   return true;
+}
+
+double tolerance_of(const MetricSettings& settings, const Ellipsoid& ellipsoid, bool on_surface) {
+  return on_surface ? verify_tolerance_on_surface(surface_threshold(settings), ellipsoid)
+                    : verify_tolerance(settings.threshold, ellipsoid);
 }
 
 /// Guard 3: factor of each ellipsoid.
@@ -55,6 +61,8 @@ std::vector<float> verified_scales(const RecordSet& set, const ComponentRange& r
             const uint32_t i = found[n];
             if (i == j) continue;
             const Field& record = fields[i];
+            if (record.normal != Vec3f(0) && glm::dot(record.normal, probe.normal) < similar_normals)
+              continue;
             const Vec3f offset = probe.position - record.position;
             const float square =
                 tree.normalised_square(i, broadcast(offset.x), broadcast(offset.y), broadcast(offset.z))[0];
@@ -68,7 +76,8 @@ std::vector<float> verified_scales(const RecordSet& set, const ComponentRange& r
             // Two standard deviations are left to noise: what it explains is no contradiction.
             const double noise =
                 2 * std::sqrt(static_cast<double>(record.variance) + static_cast<double>(probe.variance));
-            const double tolerance = verify_tolerance(settings.threshold, ellipsoids[i]) * reference + noise;
+            const double tolerance =
+                tolerance_of(settings, ellipsoids[i], record.normal != Vec3f(0)) * reference + noise;
             if (error > tolerance)
               lower(scales[i],
                     std::sqrt(square) * std::max(static_cast<float>(std::sqrt(tolerance / error)), 0.5f));
@@ -87,6 +96,13 @@ double verify_tolerance(double threshold, const Ellipsoid& ellipsoid) {
   return std::max(15 * threshold / (4 * pi_double * product), 0.005);
 }
 
+double verify_tolerance_on_surface(double threshold, const Ellipsoid& ellipsoid) {
+  constexpr double pi_double = 3.14159265358979323846;
+  const double product =
+      static_cast<double>(ellipsoid.semi_axes[0]) * static_cast<double>(ellipsoid.semi_axes[1]);
+  return std::max(4 * threshold / (pi_double * product), 0.005);
+}
+
 std::vector<Ellipsoid> guarded_ellipsoids(const RecordSet& set, const ComponentRange& range,
                                           const MetricSettings& settings) {
   std::vector<Ellipsoid> ellipsoids(range.place_count);
@@ -103,8 +119,10 @@ std::vector<Ellipsoid> guarded_ellipsoids(const RecordSet& set, const ComponentR
   if (settings.guards.neighbour_clamp) bounds = neighbour_clamp(set.positions(range), bounds);
   std::vector<float> scales(range.place_count, 1.0f);
   if (settings.guards.verify) scales = verified_scales(set, range, settings, fields, ellipsoids);
-  for (uint32_t i = 0; i < range.place_count; ++i)
+  for (uint32_t i = 0; i < range.place_count; ++i) {
     ellipsoids[i] = ellipsoids[i].clamped(scales[i], bounds[i], minima[i]);
+    if (fields[i].normal != Vec3f(0)) ellipsoids[i] = ellipsoids[i].flat();
+  }
   return ellipsoids;
 }
 

@@ -9,8 +9,8 @@
 namespace fogbank::cache {
 
 /// Ellipsoid of each place of `range`: base_ellipsoid(), shrunk
-///   - where a neighbour that it holds contradicts its extrapolation (guard 3 of method.md section 10.4; the
-///   least
+///   - where a neighbour that it holds contradicts its extrapolation (guard 3 of method.md section 10.4; on
+///   surfaces only one of a similar normal counts; the least
 ///     factor over all pairs, tested with the base ellipsoids),
 ///   - to what neighbours reach (guard 1, on the longest semi-axes of the base ellipsoids),
 /// and never below the minimum radius. Pairs and bounds refer to the unguarded ellipsoids, hence no order of
@@ -21,5 +21,7 @@ std::vector<Ellipsoid> guarded_ellipsoids(const RecordSet& set, const ComponentR
 /// Greatest relative error that the metric admits anywhere in an ellipsoid with this product of semi-axes: at
 /// the border of a ball, if one eigenvalue is all there is, 15 eps/(4 pi a b c); but no less than 0.5 %.
 double verify_tolerance(double threshold, const Ellipsoid& ellipsoid);
+/// The same of an extent on a surface, whose threshold is surface_threshold(): 4 eps/(pi a b).
+double verify_tolerance_on_surface(double threshold, const Ellipsoid& ellipsoid);
 
 }  // namespace fogbank::cache

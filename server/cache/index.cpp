@@ -59,6 +59,49 @@ void Index::look_up(std::span<const Vec3f> points, std::span<Interpolation> resu
                    results.data() + first);
 }
 
+Interpolation Index::look_up(const Vec3f& point, const Vec3f& normal) const {
+  Interpolation result;
+  Spectrum sum(0);
+  tree_.search(set_->positions(*range_), PointBundle(std::span(&point, 1)),
+               [&](const uint32_t* places, uint32_t count) {
+                 for (uint32_t i = 0; i < count; ++i) add_on_surface(point, normal, places[i], result, sum);
+               });
+  if (result.weight > 0) result.radiance = sum / result.weight;
+  return result;
+}
+
+void Index::add_on_surface(const Vec3f& point, const Vec3f& normal, uint32_t place, Interpolation& result,
+                           Spectrum& sum) const {
+  const PositionPacket& centres = set_->positions(*range_)[place / packet_size];
+  const uint32_t lane = place % packet_size;
+  const Vec3f offset = point - Vec3f(centres.at(0, lane), centres.at(1, lane), centres.at(2, lane));
+  const size_t begin = range_->first_record + range_->begin(place);
+  const size_t end = range_->first_record + range_->end(place);
+  const float turn = (1 - glm::dot(set_->normal(begin), normal)) / (1 - similar_normals);
+  const float square =
+      std::max(turn, 0.0f) +
+      tree_.normalised_square(place, broadcast(offset.x), broadcast(offset.y), broadcast(offset.z))[0];
+  if (!(square < 1)) return;
+  Spectrum value(0);
+  float total = 0;
+  for (size_t record = begin; record < end; ++record) {
+    if (depth_guard_ && !set_->depth()[record].reaches(offset)) {
+      ++result.rejected;
+      return;
+    }
+    const auto samples = static_cast<float>(set_->samples(record));
+    total += samples;
+    const Shading& shading = set_->shading()[record];
+    value += samples * (shading.radiance + shading.derivatives[0] * offset.x +
+                        shading.derivatives[1] * offset.y + shading.derivatives[2] * offset.z);
+  }
+  const float d = 1 - std::sqrt(square);
+  const float weight = d * d * (3 - 2 * d);
+  sum += weight * glm::clamp(value / total, Spectrum(0), Spectrum(greatest_value));
+  result.weight += weight;
+  ++result.records;
+}
+
 void Index::look_up_bundle(std::span<const Vec3f> points, Interpolation* results) const {
   constexpr uint32_t most_packets = 28;  // one point touches about 14
   const PointBundle bundle(points);

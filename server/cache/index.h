@@ -47,6 +47,11 @@ class Index {
   float radius(uint32_t place) const;
 
   const ComponentRange& range() const { return *range_; }
+  /// On a surface of unit `normal`, among records on surfaces: the cosine between the normals enters the
+  /// distance, d = 1 - sqrt(|W dx|^2 + (1 - cosine) / (1 - similar_normals)), so that records fade out as the
+  /// surface turns away from theirs and those of other sides of a corner or a wall never count.
+  Interpolation look_up(const Vec3f& point, const Vec3f& normal) const;
+
   const Component& component() const { return range_->component; }
   /// Bytes that the index holds besides the set.
   size_t memory() const { return tree_.memory(); }
@@ -54,6 +59,8 @@ class Index {
  private:
   struct Sums;
   void look_up_bundle(std::span<const Vec3f> points, Interpolation* results) const;
+  void add_on_surface(const Vec3f& point, const Vec3f& normal, uint32_t place, Interpolation& result,
+                      Spectrum& sum) const;
   void add(const PointBundle& points, uint32_t place, Sums& sums) const;
 
   std::shared_ptr<const RecordSet> set_;

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "core/error.h"
+#include "core/frame.h"
 
 namespace fogbank::cache {
 namespace {
@@ -120,6 +121,12 @@ float Ellipsoid::longest() const { return std::max({semi_axes[0], semi_axes[1], 
 
 float Ellipsoid::shortest() const { return std::min({semi_axes[0], semi_axes[1], semi_axes[2]}); }
 
+Ellipsoid Ellipsoid::flat() const {
+  Ellipsoid result = *this;
+  result.semi_axes[2] = surface_thickness * std::min(semi_axes[0], semi_axes[1]);
+  return result;
+}
+
 Vec3d Ellipsoid::half_extents() const {
   Vec3d sum(0);
   for (size_t k = 0; k < 3; ++k) {
@@ -139,6 +146,10 @@ Symmetric3d Ellipsoid::inverse_root() const {
   return result;
 }
 
+double surface_threshold(const MetricSettings& settings) {
+  return settings.threshold * 15 / (16 * 0.4 * settings.maximum_radius);
+}
+
 double reference_radiance(const MetricSettings& settings, double luminance) {
   return settings.reference == Reference::local ? std::max(luminance, settings.radiance_floor)
                                                 : settings.radiance_floor;
@@ -153,44 +164,78 @@ float minimum_radius(const MetricSettings& settings, const Vec3f& position) {
   return static_cast<float>(std::max(settings.minimum_radius, settings.minimum_pixels * pixels));
 }
 
-Ellipsoid base_ellipsoid(const MetricSettings& settings, const Place& place) {
-  Symmetric3d hessian;
-  for (size_t i = 0; i < hessian.entries.size(); ++i)
-    hessian.entries[i] = static_cast<double>(place.hessian.entries[i]);
-  const Eigensystem<3> system = eigen_decomposition(hessian);
-  const double level = static_cast<double>(luminance(place.radiance));
-  const double reference = reference_radiance(settings, level);
-  const double budget = settings.threshold * reference;
+namespace {
+
+Vec3d luminance_gradient(const Place& place) {
   Vec3d gradient(0);
   for (int axis = 0; axis < 3; ++axis)
     gradient[axis] = static_cast<double>(
         luminance({place.gradient[0][axis], place.gradient[1][axis], place.gradient[2][axis]}));
+  return gradient;
+}
 
+/// Semi-axes along the eigenvectors of the Hessian, `gradient` in the same space.
+template <int Dim>
+std::array<double, static_cast<size_t>(Dim)> semi_axes_of(const MetricSettings& settings, const Place& place,
+                                                          const Eigensystem<Dim>& system,
+                                                          const glm::vec<Dim, double>& gradient) {
+  const double level = static_cast<double>(luminance(place.radiance));
+  const double threshold = Dim == 2 ? surface_threshold(settings) : settings.threshold;
+  const double budget = threshold * reference_radiance(settings, level);
   double bound = settings.maximum_radius;
   if (settings.guards.visibility_margin)
     bound = std::min(bound, static_cast<double>(place.visibility_margin));
   // Steps longer than L / |g| would extrapolate below 0; what is dimmer than the floor may.
   const double positive_radiance = std::max(level, settings.radiance_floor);
-  std::array<double, 3> semi_axes{};
+  std::array<double, static_cast<size_t>(Dim)> semi_axes{};
   if (settings.shape == Shape::sphere) {
     bound = std::min(bound, positive_radiance / glm::length(gradient));
-    semi_axes.fill(std::min(bound, ball_radius<3>(system.values, budget)));
-  } else {
-    std::array<double, 3> caps{};
-    for (size_t k = 0; k < 3; ++k)
-      caps[k] = std::min(bound, positive_radiance / std::fabs(glm::dot(gradient, system.vectors[k])));
-    semi_axes = level_set_semi_axes<3>(system.values, budget, caps, settings.maximum_anisotropy);
-    // Caps may differ by more than eigenvalues do.
-    const double longest =
-        settings.maximum_anisotropy * *std::min_element(semi_axes.begin(), semi_axes.end());
-    for (double& a : semi_axes) a = std::min(a, longest);
+    semi_axes.fill(std::min(bound, ball_radius<Dim>(system.values, budget)));
+    return semi_axes;
   }
+  std::array<double, static_cast<size_t>(Dim)> caps{};
+  for (size_t k = 0; k < caps.size(); ++k)
+    caps[k] = std::min(bound, positive_radiance / std::fabs(glm::dot(gradient, system.vectors[k])));
+  semi_axes = level_set_semi_axes<Dim>(system.values, budget, caps, settings.maximum_anisotropy);
+  // Caps may differ by more than eigenvalues do.
+  const double longest = settings.maximum_anisotropy * *std::min_element(semi_axes.begin(), semi_axes.end());
+  for (double& a : semi_axes) a = std::min(a, longest);
+  return semi_axes;
+}
+
+}  // namespace
+
+Ellipsoid base_ellipsoid(const MetricSettings& settings, const Place& place) {
+  Symmetric3d hessian;
+  for (size_t i = 0; i < hessian.entries.size(); ++i)
+    hessian.entries[i] = static_cast<double>(place.hessian.entries[i]);
+  const Vec3d gradient = luminance_gradient(place);
   Ellipsoid result;
-  for (size_t k = 0; k < 3; ++k) {
-    result.axes[k] = system.vectors[k];
+  if (place.normal == Vec3f(0)) {
+    const Eigensystem<3> system = eigen_decomposition(hessian);
+    const std::array<double, 3> semi_axes = semi_axes_of<3>(settings, place, system, gradient);
+    for (size_t k = 0; k < 3; ++k) {
+      result.axes[k] = system.vectors[k];
+      result.semi_axes[k] = static_cast<float>(semi_axes[k]);
+    }
+    return result;
+  }
+  const Frame frame = Frame::from_normal(place.normal);
+  const std::array<Vec3d, 2> tangents{Vec3d(frame.tangent), Vec3d(frame.bitangent)};
+  Symmetric<double, 2> tangential;
+  for (int i = 0; i < 2; ++i)
+    for (int j = i; j < 2; ++j)
+      tangential(i, j) =
+          glm::dot(tangents[static_cast<size_t>(i)], hessian * tangents[static_cast<size_t>(j)]);
+  const Eigensystem<2> system = eigen_decomposition(tangential);
+  const std::array<double, 2> semi_axes = semi_axes_of<2>(
+      settings, place, system, {glm::dot(gradient, tangents[0]), glm::dot(gradient, tangents[1])});
+  for (size_t k = 0; k < 2; ++k) {
+    result.axes[k] = Vec3f(tangents[0] * system.vectors[k].x + tangents[1] * system.vectors[k].y);
     result.semi_axes[k] = static_cast<float>(semi_axes[k]);
   }
-  return result;
+  result.axes[2] = place.normal;
+  return result.flat();
 }
 
 template double error_integral<2>(const std::array<double, 2>&, const std::array<double, 2>&);

@@ -27,6 +27,12 @@ enum class Reference : uint8_t {
 
 enum class Shape : uint8_t { ellipsoid, sphere };
 
+/// Least cosine between normals of surface records that may stand in for each other.
+inline constexpr float similar_normals = 0.9f;
+/// Semi-axis across a surface over the shorter one along it: steps and the far sides of thin walls stay out,
+/// curved surfaces and rounding in.
+inline constexpr float surface_thickness = 0.05f;
+
 /// Guards of method.md section 10.4 against what second-order derivatives can't see; all on in use, singly
 /// off to show what each is for.
 struct Guards {
@@ -82,6 +88,9 @@ struct Ellipsoid {
   Ellipsoid clamped(float scale, float greatest, float least) const;
   float longest() const;
   float shortest() const;
+  /// An extent on a surface, whose third axis is the normal: semi-axes kept but for that one, which follows
+  /// from the others by `surface_thickness`.
+  Ellipsoid flat() const;
   /// Thinner than the least normal float: holds no point, not even its centre.
   bool empty() const { return shortest() < std::numeric_limits<float>::min(); }
   /// Half extents of the axis-aligned box around it: sqrt(sum a_k^2 e_k,i^2).
@@ -90,6 +99,10 @@ struct Ellipsoid {
   Symmetric3d inverse_root() const;
 };
 
+/// eps of extents on surfaces, unit length^2: the one that admits the same error at the border of a disk of
+/// 0.4 maximum_radius as `threshold` does at that of a ball (4 eps / (pi R^2) against 15 eps / (4 pi R^3)).
+double surface_threshold(const MetricSettings& settings);
+
 /// Reference radiance of a place, > 0.
 double reference_radiance(const MetricSettings& settings, double luminance);
 
@@ -97,8 +110,9 @@ double reference_radiance(const MetricSettings& settings, double luminance);
 /// larger.
 float minimum_radius(const MetricSettings& settings, const Vec3f& position);
 
-/// Extent of a place by itself: metric, maximum radius, cap by the gradient (extrapolation stays positive),
-/// visibility margin. Guards that need neighbours and the minimum radius come after (extents.h).
+/// Extent of a place by itself, on a surface (Place::normal) of two dimensions and flat across: metric,
+/// maximum radius, cap by the gradient (extrapolation stays positive), visibility margin. Guards that need
+/// neighbours and the minimum radius come after (extents.h).
 Ellipsoid base_ellipsoid(const MetricSettings& settings, const Place& place);
 
 }  // namespace fogbank::cache

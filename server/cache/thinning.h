@@ -9,9 +9,6 @@
 
 namespace fogbank::cache {
 
-/// Least cosine between normals of surface records that may stand in for each other.
-inline constexpr float similar_normals = 0.9f;
-
 /// Numbers of the wishes, all of one component, to be granted, ascending: greedily in the order of a hash of
 /// the position, each unless one granted before is nearer than the nearest of `existing` is, or than
 /// `greatest_spacing`. So the spacing halves from round to round where look-ups keep missing, and the result
