@@ -59,19 +59,36 @@ void Index::look_up(std::span<const Vec3f> points, std::span<Interpolation> resu
                    results.data() + first);
 }
 
+/// Of one point on a surface.
+struct Index::SurfaceSums {
+  Spectrum radiance{0};
+  float inverse_axes = 0;  ///< weights times sums of reciprocals of the semi-axes along the surface
+};
+
+float Index::inverse_axes(uint32_t place) const {
+  const Vec3f normal = set_->normal(range_->first_record + range_->begin(place));
+  if (normal == Vec3f(0)) return tree_.inverse_trace(place);
+  const Vec3d across(normal);
+  return tree_.inverse_trace(place) -
+         static_cast<float>(glm::dot(across, tree_.inverse_root(place) * across));
+}
+
 Interpolation Index::look_up(const Vec3f& point, const Vec3f& normal) const {
   Interpolation result;
-  Spectrum sum(0);
+  SurfaceSums sums;
   tree_.search(set_->positions(*range_), PointBundle(std::span(&point, 1)),
                [&](const uint32_t* places, uint32_t count) {
-                 for (uint32_t i = 0; i < count; ++i) add_on_surface(point, normal, places[i], result, sum);
+                 for (uint32_t i = 0; i < count; ++i) add_on_surface(point, normal, places[i], result, sums);
                });
-  if (result.weight > 0) result.radiance = sum / result.weight;
+  if (result.weight > 0) {
+    result.radiance = sums.radiance / result.weight;
+    result.radius = 2 * result.weight / sums.inverse_axes;
+  }
   return result;
 }
 
 void Index::add_on_surface(const Vec3f& point, const Vec3f& normal, uint32_t place, Interpolation& result,
-                           Spectrum& sum) const {
+                           SurfaceSums& sums) const {
   const PositionPacket& centres = set_->positions(*range_)[place / packet_size];
   const uint32_t lane = place % packet_size;
   const Vec3f offset = point - Vec3f(centres.at(0, lane), centres.at(1, lane), centres.at(2, lane));
@@ -97,7 +114,8 @@ void Index::add_on_surface(const Vec3f& point, const Vec3f& normal, uint32_t pla
   }
   const float d = 1 - std::sqrt(square);
   const float weight = d * d * (3 - 2 * d);
-  sum += weight * glm::clamp(value / total, Spectrum(0), Spectrum(greatest_value));
+  sums.radiance += weight * glm::clamp(value / total, Spectrum(0), Spectrum(greatest_value));
+  sums.inverse_axes += weight * inverse_axes(place);
   result.weight += weight;
   ++result.records;
 }
@@ -200,8 +218,9 @@ std::vector<Contribution> Index::contributions(const Vec3f& point) const {
 }
 
 float Index::radius(uint32_t place) const {
-  const float sum = tree_.inverse_trace(place);
-  return sum > 0 ? 3 / sum : 0.0f;
+  const float sum = inverse_axes(place);
+  const bool on_surface = set_->normal(range_->first_record + range_->begin(place)) != Vec3f(0);
+  return sum > 0 ? (on_surface ? 2 : 3) / sum : 0.0f;
 }
 
 Epoch::Epoch(std::shared_ptr<const RecordSet> set, const MetricSettings& settings) : set_(std::move(set)) {

@@ -43,7 +43,8 @@ class Index {
 
   /// The places behind look_up(point), with their weights: for showing and judging what a look-up rests on.
   std::vector<Contribution> contributions(const Vec3f& point) const;
-  /// Harmonic mean of the semi-axes of the extent of `place`; 0 where it holds nothing.
+  /// Harmonic mean of the semi-axes of the extent of `place`, on a surface of those along it; 0 where it
+  /// holds nothing.
   float radius(uint32_t place) const;
 
   const ComponentRange& range() const { return *range_; }
@@ -58,9 +59,12 @@ class Index {
 
  private:
   struct Sums;
+  struct SurfaceSums;
   void look_up_bundle(std::span<const Vec3f> points, Interpolation* results) const;
   void add_on_surface(const Vec3f& point, const Vec3f& normal, uint32_t place, Interpolation& result,
-                      Spectrum& sum) const;
+                      SurfaceSums& sums) const;
+  /// Sum of reciprocals of the semi-axes, on a surface of those along it.
+  float inverse_axes(uint32_t place) const;
   void add(const PointBundle& points, uint32_t place, Sums& sums) const;
 
   std::shared_ptr<const RecordSet> set_;

@@ -94,6 +94,12 @@ TEST(SurfaceLookup, SurfacesInBetweenHideARecord) {
   EXPECT_GT(look_up(epoch, Vec3f(-0.5f, 0, 0), up).weight, 0);
 }
 
+TEST(SurfaceLookup, RadiusIsThatAlongTheSurface) {
+  const Epoch epoch = epoch_of({surface_record(Vec3f(0), up, 1)});
+  EXPECT_FLOAT_EQ(look_up(epoch, Vec3f(0.1f, 0, 0), up).radius, 1);
+  EXPECT_FLOAT_EQ(epoch.find({0, 0, 0, Quantity::irradiance})->radius(0), 1);
+}
+
 TEST(SurfaceMetric, ExtentHoldsTheThresholdInThePlane) {
   Place place;
   place.normal = glm::normalize(Vec3f(1, 2, 3));
