@@ -66,7 +66,7 @@ struct Index::SurfaceSums {
 };
 
 float Index::inverse_axes(uint32_t place) const {
-  const Vec3f normal = set_->normal(range_->first_record + range_->begin(place));
+  const Vec3f normal = set_->normal(*range_, place);
   if (normal == Vec3f(0)) return tree_.inverse_trace(place);
   const Vec3d across(normal);
   return tree_.inverse_trace(place) -
@@ -94,7 +94,7 @@ void Index::add_on_surface(const Vec3f& point, const Vec3f& normal, uint32_t pla
   const Vec3f offset = point - Vec3f(centres.at(0, lane), centres.at(1, lane), centres.at(2, lane));
   const size_t begin = range_->first_record + range_->begin(place);
   const size_t end = range_->first_record + range_->end(place);
-  const float turn = (1 - glm::dot(set_->normal(begin), normal)) / (1 - similar_normals);
+  const float turn = (1 - glm::dot(set_->normal(*range_, place), normal)) / (1 - similar_normals);
   const float square =
       std::max(turn, 0.0f) +
       tree_.normalised_square(place, broadcast(offset.x), broadcast(offset.y), broadcast(offset.z))[0];
@@ -219,7 +219,7 @@ std::vector<Contribution> Index::contributions(const Vec3f& point) const {
 
 float Index::radius(uint32_t place) const {
   const float sum = inverse_axes(place);
-  const bool on_surface = set_->normal(range_->first_record + range_->begin(place)) != Vec3f(0);
+  const bool on_surface = set_->normal(*range_, place) != Vec3f(0);
   return sum > 0 ? (on_surface ? 2 : 3) / sum : 0.0f;
 }
 

@@ -79,8 +79,6 @@ class RecordSet {
   const DepthBins* depth() const { return depth_.data(); }
   /// Least code of each record's depth bins.
   const uint8_t* nearest() const { return nearest_.data(); }
-  /// Of the surface that the record lies on; 0 in a medium.
-  Vec3f normal(size_t index) const { return details_[index].normal; }
   uint32_t samples(size_t index) const { return details_[index].samples; }
 
   /// Bytes of memory held.
