@@ -18,12 +18,15 @@ class Interrupted : public std::exception {
 struct RayCounters {
   uint64_t closest_hit = 0;
   uint64_t any_hit = 0;
-  const std::atomic<bool>* stop = nullptr;  ///< set from outside once the result isn't wanted any more
+  /// Set from outside once the result isn't wanted any more; by whoever runs this, and by whoever wants it.
+  const std::atomic<bool>* stop = nullptr;
+  const std::atomic<bool>* unwanted = nullptr;
 
   uint64_t total() const { return closest_hit + any_hit; }
-  /// Throws Interrupted when `stop` is set. Called once a path where a computation takes many.
+  /// Throws Interrupted when one of them is set. Called once a path where a computation takes many.
   void poll() const {
     if (stop != nullptr && stop->load(std::memory_order_relaxed)) throw Interrupted();
+    if (unwanted != nullptr && unwanted->load(std::memory_order_relaxed)) throw Interrupted();
   }
   /// As `poll`, at every 1024th step: for long loops over what takes microseconds.
   void poll_at(size_t step) const {

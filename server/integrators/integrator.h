@@ -62,8 +62,8 @@ struct CacheView {
 class CameraRays {
  public:
   virtual ~CameraRays() = default;
-  /// The ray of sample `index` of film pixel (x, y), with the stream that its radiance is to be drawn from.
-  virtual Ray sample(uint32_t x, uint32_t y, uint32_t index, RandomStream& random) const = 0;
+  /// A ray through film pixel (x, y): the place in the pixel and on the lens is drawn from `random`.
+  virtual Ray sample(uint32_t x, uint32_t y, RandomStream& random) const = 0;
   virtual scene::Window window() const = 0;  ///< pixels that are wanted
   virtual Vec3f position() const = 0;
   virtual float pixel_angle() const = 0;  ///< radians that a pixel spans in the middle; 0: orthographic
@@ -82,12 +82,14 @@ struct CacheCounts {
 };
 
 /// Work to be done before passes: rounds of independent tasks. The result depends on the rounds and tasks,
-/// not on who ran them.
+/// not on who ran them. One that is destroyed before `next_round` gave 0 (no time was left for it) leaves
+/// `Integrator::sample` as the last finished preparation left it, or, if there was none, with whatever was
+/// published; the records it made stay in the cache.
 class Preparation {
  public:
   virtual ~Preparation() = default;
   /// Ends the round before and plans the next: its number of tasks, 0 when all is prepared. Called by one
-  /// thread at a time, while no task and no pass runs.
+  /// thread at a time, while no task and no pass runs; so are `fraction` and the destructor.
   virtual uint32_t next_round() = 0;
   /// Task of the present round, 0 <= task < the number given. Any thread; a task may be run again, with the
   /// same result, if it threw Interrupted.
@@ -107,6 +109,7 @@ class Integrator {
   virtual std::unique_ptr<Preparation> prepare(const CameraRays& /*camera*/, const CacheTarget& /*target*/) {
     return nullptr;
   }
+  /// While no task and no pass runs.
   virtual CacheCounts cache_counts() const { return {}; }
   virtual CacheView cache_view(const Ray& /*ray*/, RandomStream& /*random*/,
                                RayCounters& /*counters*/) const {

@@ -83,7 +83,7 @@ void RadianceCacheFill::probe(uint32_t band, RayCounters& counters) {
       const auto film_y = static_cast<uint32_t>(window.y + y);
       RandomStream random(0, film_x, film_y, static_cast<uint32_t>(stride_ * most_attempts + attempts_),
                           probe_stream);
-      const Ray ray = camera_.sample(film_x, film_y, 0, random);
+      const Ray ray = camera_.sample(film_x, film_y, random);
       integrator_.walk_from(ray, random, counters, &found);
     }
   }

@@ -6,7 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "render/render_job.h"
+#include "render/image.h"
+#include "render/progress.h"
+#include "render/render_settings.h"
 
 namespace fogbank::render {
 

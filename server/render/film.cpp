@@ -12,16 +12,25 @@ double luminance_of(const Vec3d& rgb) { return 0.212671 * rgb.x + 0.715160 * rgb
 
 }  // namespace
 
-Vec3d PixelSums::mean(uint32_t samples) const {
-  return samples == 0 ? Vec3d(0) : (even + odd) / static_cast<double>(samples);
+Vec3d PixelSums::mean(SampleRange samples) const {
+  return samples.count() == 0 ? Vec3d(0) : (even + odd) / static_cast<double>(samples.count());
 }
 
-Vec3d PixelSums::standard_error(uint32_t samples) const {
-  if (samples < 2) return Vec3d(0);
-  const uint32_t odd_samples = samples / 2;
-  const double odd_count = odd_samples;
-  const double even_count = samples - odd_count;
-  return (even / even_count - odd / odd_count) * (std::sqrt(even_count * odd_count) / samples);
+Vec3d PixelSums::standard_error(SampleRange samples) const {
+  const double even_count = samples.even_count();
+  const double odd_count = samples.odd_count();
+  if (even_count == 0 || odd_count == 0) return Vec3d(0);
+  return (even / even_count - odd / odd_count) * (std::sqrt(even_count * odd_count) / samples.count());
+}
+
+Vec3d TileFilm::mean(size_t pixel) const {
+  const Vec3d mean = sampled[pixel].mean(all_samples());
+  return cached.empty() ? mean : mean + cached[pixel].mean(cached_samples());
+}
+
+Vec3d TileFilm::standard_error(size_t pixel) const {
+  const Vec3d error = sampled[pixel].standard_error(all_samples());
+  return cached.empty() ? error : error + cached[pixel].standard_error(cached_samples());
 }
 
 float to_pixel(double value) {
@@ -34,8 +43,8 @@ double relative_noise(const std::vector<const TileFilm*>& tiles) {
   double sum = 0;
   size_t count = 0;
   for (const TileFilm* tile : tiles) {
-    for (const PixelSums& pixel : tile->pixels) sum += luminance_of(pixel.mean(tile->samples));
-    count += tile->pixels.size();
+    for (size_t pixel = 0; pixel < tile->sampled.size(); ++pixel) sum += luminance_of(tile->mean(pixel));
+    count += tile->sampled.size();
   }
   if (!(sum > 0)) return 0;
   const double offset = 0.1 * sum / static_cast<double>(count);
@@ -43,9 +52,9 @@ double relative_noise(const std::vector<const TileFilm*>& tiles) {
   std::vector<float> squares;
   squares.reserve(count);
   for (const TileFilm* tile : tiles) {
-    for (const PixelSums& pixel : tile->pixels) {
-      const double error = luminance_of(pixel.standard_error(tile->samples));
-      const double scale = luminance_of(pixel.mean(tile->samples)) + offset;
+    for (size_t pixel = 0; pixel < tile->sampled.size(); ++pixel) {
+      const double error = luminance_of(tile->standard_error(pixel));
+      const double scale = luminance_of(tile->mean(pixel)) + offset;
       squares.push_back(to_pixel(sqr(static_cast<float>(error / scale))));
     }
   }

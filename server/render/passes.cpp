@@ -31,15 +31,13 @@ uint32_t count_passes(uint32_t samples_in_all, uint32_t pixels_of_a_tile) {
 }
 
 uint32_t samples_of_next_pass(uint32_t samples_done, uint32_t samples_in_all, uint32_t pixels_of_a_tile,
-                              double seconds_elapsed, double seconds_budget) {
+                              const TimeLeft& time) {
   const uint32_t unrestricted = samples_of_next_pass(samples_done, samples_in_all, pixels_of_a_tile);
   if (samples_done == 0) return unrestricted;
-  const double left = seconds_budget - seconds_elapsed;
-  if (!(left > 0)) return 0;
-  const double pace = seconds_elapsed / samples_done;  // seconds a sample of every pixel
-  const double fits = std::floor(left * usable_share_of_rest / pace);
+  if (!(time.seconds > 0)) return 0;
+  const double fits = std::floor(time.seconds * usable_share_of_rest / time.pace);
   if (!(fits >= 1)) return 0;
-  const double share = std::fmax(1.0, std::floor(seconds_budget / least_share / pace));
+  const double share = std::fmax(1.0, std::floor(time.budget_seconds / least_share / time.pace));
   return static_cast<uint32_t>(std::fmin(unrestricted, std::fmin(fits, share)));
 }
 

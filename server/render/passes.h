@@ -17,11 +17,17 @@ uint32_t samples_of_next_pass(uint32_t samples_done, uint32_t samples_in_all, ui
 /// Number of passes that `samples_of_next_pass` makes.
 uint32_t count_passes(uint32_t samples_in_all, uint32_t pixels_of_a_tile);
 
-/// The same under a time budget: at most what, at the mean pace so far, takes an eighth of the budget and
-/// ends before nine tenths of the time that is left; 0 when not even one sample does. The tenth is for an
-/// uneven pace: a pass that doesn't end in time is lost. The first pass (`samples_done` = 0) isn't
-/// restricted.
+/// What is known of time when a pass is planned.
+struct TimeLeft {
+  double seconds = 0;         ///< until the end of the budget
+  double budget_seconds = 0;  ///< the whole
+  double pace = 0;            ///< seconds that one sample of every pixel takes; > 0
+};
+
+/// The same under a time budget: at most what, at the pace so far, takes an eighth of the budget and ends
+/// before nine tenths of the time that is left; 0 when not even one sample does. The tenth is for an uneven
+/// pace: a pass that doesn't end in time is lost. The first pass (`samples_done` = 0) isn't restricted.
 uint32_t samples_of_next_pass(uint32_t samples_done, uint32_t samples_in_all, uint32_t pixels_of_a_tile,
-                              double seconds_elapsed, double seconds_budget);
+                              const TimeLeft& time);
 
 }  // namespace fogbank::render

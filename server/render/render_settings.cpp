@@ -1,9 +1,11 @@
-// Checks of RenderSettings.
+#include "render/render_settings.h"
+
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <string>
 
 #include "core/error.h"
-#include "render/render_job.h"
 #include "render/tiles.h"
 
 namespace fogbank::render {
@@ -83,11 +85,50 @@ void validate_sensor(const scene::Sensor& sensor) {
   }
 }
 
-}  // namespace
-
-void validate(const RenderSettings& settings) {
+void validate_targets(const RenderSettings& settings) {
   check_range("samples_per_pixel", settings.samples_per_pixel, 1, RenderLimits::samples_per_pixel);
   check_range("time_budget_seconds", settings.time_budget_seconds, 0.0, RenderLimits::time_budget_seconds);
+  if (settings.error != 0)
+    check_range("error", settings.error, RenderLimits::smallest_error, RenderLimits::largest_error);
+  check_range("record_budget", settings.record_budget, int64_t{0}, RenderLimits::most_records);
+  check_range("integrator_settings.most_records", settings.integrator_settings.most_records, int64_t{1},
+              RenderLimits::most_records);
+}
+
+void validate_reference(const ReferenceImage& reference, const scene::Window& crop) {
+  if (reference.window != crop)
+    fail("reference", to_string(reference.window) + " is not the crop window, " + to_string(crop));
+  if (reference.rgb.size() != static_cast<size_t>(crop.width) * static_cast<size_t>(crop.height) * 3)
+    fail("reference", "doesn't have three numbers a pixel");
+  if (!std::ranges::all_of(reference.rgb, [](float value) { return std::isfinite(value); }))
+    fail("reference", "has a pixel that is not finite");
+}
+
+constexpr std::array<std::pair<Aov, const char*>, 5> aov_names{{{Aov::radius, "radius"},
+                                                                {Aov::record_density, "record-density"},
+                                                                {Aov::rejected, "rejected"},
+                                                                {Aov::variance, "variance"},
+                                                                {Aov::bias, "bias"}}};
+
+}  // namespace
+
+std::string name_of(Aov aov) {
+  const auto entry = std::ranges::find(aov_names, aov, &std::pair<Aov, const char*>::first);
+  return entry->second;
+}
+
+Aov parse_aov(const std::string& name) {
+  std::string known;
+  for (const auto& [aov, known_name] : aov_names) {
+    if (name == known_name) return aov;
+    known += (known.empty() ? "" : ", ") + std::string(known_name);
+  }
+  throw Error(ErrorKind::invalid_argument, "UNKNOWN_AOV",
+              "there is no AOV \"" + name + "\"; known: " + known);
+}
+
+void validate(const RenderSettings& settings) {
+  validate_targets(settings);
   check_range("integrator_settings.max_depth", settings.integrator_settings.max_depth, -1,
               RenderLimits::path_depth);
   check_range("integrator_settings.rr_depth", settings.integrator_settings.rr_depth, 1,
@@ -95,6 +136,11 @@ void validate(const RenderSettings& settings) {
   check_range("tile_size", settings.tile_size, RenderLimits::smallest_tile, RenderLimits::largest_tile);
   validate_film(settings.film);
   validate_sensor(settings.sensor);
+  for (size_t i = 0; i < settings.aovs.size(); ++i) {
+    if (std::count(settings.aovs.begin(), settings.aovs.end(), settings.aovs[i]) > 1)
+      fail("aovs", "\"" + name_of(settings.aovs[i]) + "\" is there more than once");
+  }
+  if (settings.reference) validate_reference(*settings.reference, settings.film.crop);
   if (settings.first_region) {
     const scene::Window& region = *settings.first_region;
     const scene::Window film{0, 0, settings.film.width, settings.film.height};

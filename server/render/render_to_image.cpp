@@ -9,30 +9,30 @@ namespace fogbank::render {
 void run_to_completion(RenderJob& job, int threads) {
   const std::atomic<bool> never = false;
   std::mutex mutex;
-  std::condition_variable pass_finished;
-  uint64_t passes = 0;
+  std::condition_variable task_ended;
+  uint64_t tasks = 0;
   std::exception_ptr failure;
 
   const auto work = [&] {
     try {
       for (;;) {
-        uint64_t passes_seen = 0;
+        uint64_t tasks_seen = 0;
         {
           const std::lock_guard lock(mutex);
-          passes_seen = passes;
+          tasks_seen = tasks;
         }
-        if (const std::optional<TileTask> task = job.next_task()) {
-          if (!job.run(*task, never)) continue;
+        if (const std::optional<Task> task = job.next_task()) {
+          job.run(*task, never);
           const std::lock_guard lock(mutex);
-          ++passes;
-          pass_finished.notify_all();
+          ++tasks;
+          task_ended.notify_all();
           continue;
         }
-        // The rest of the pass is with other threads, or the job has ended. The latter can happen without a
-        // pass being finished (cancelled, out of time), hence the limit to the wait.
+        // The rest of the round or pass is with other threads, or the job has ended. The latter can happen
+        // from outside, hence the limit to the wait.
         if (job.ended()) return;
         std::unique_lock lock(mutex);
-        pass_finished.wait_for(lock, std::chrono::milliseconds(20), [&] { return passes != passes_seen; });
+        task_ended.wait_for(lock, std::chrono::milliseconds(20), [&] { return tasks != tasks_seen; });
       }
     } catch (...) {
       job.cancel();

@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "render/render_job.h"
+#include "render/render_settings.h"
 #include "scene/sensor.h"
 
 namespace fogbank::render {

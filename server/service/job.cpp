@@ -125,7 +125,7 @@ void Job::cancel(const RpcError& why) {
 std::function<void()> Job::take() {
   const std::lock_guard lock(mutex_);
   if (!render_job_ || stop_ || finishing_) return {};
-  const std::optional<render::TileTask> task = render_job_->next_task();
+  const std::optional<render::Task> task = render_job_->next_task();
   if (!task) {
     finish_if_idle();
     return {};
@@ -139,7 +139,7 @@ std::function<void()> Job::take() {
   return [self = shared_from_this(), task = *task] { self->run(task); };
 }
 
-void Job::run(const render::TileTask& task) {
+void Job::run(const render::Task& task) {
   const double cpu_before = thread_cpu_seconds();
   bool pass_completed = false;
   try {
@@ -154,13 +154,15 @@ void Job::run(const render::TileTask& task) {
     render_cpu_seconds_ += cpu;
     if (!stop_) {
       const Clock::time_point now = Clock::now();
-      ++tiles_completed_;
-      board_.complete(task.tile, now);
       ray_rate_.record(render_job_->progress().rays, now);
-      if (pass_completed) {
-        unfinished_pass_.clear();
-      } else {
-        unfinished_pass_.push_back(task.tile);
+      if (const auto* const tile = std::get_if<render::TileTask>(&task)) {
+        ++tiles_completed_;
+        board_.complete(tile->tile, now);
+        if (pass_completed) {
+          unfinished_pass_.clear();
+        } else {
+          unfinished_pass_.push_back(tile->tile);
+        }
       }
     }
     finish_if_idle();
@@ -233,7 +235,7 @@ void Job::store_image(v1::Job& description) {
   result.set_load_seconds(load_seconds_);
   result.set_render_seconds(progress.render_seconds);
   result.set_render_cpu_seconds(progress.cpu_seconds);
-  if (const auto noise = render_job_->relative_noise()) result.set_relative_noise(*noise);
+  if (progress.estimate.noise) result.set_relative_noise(*progress.estimate.noise);
   result.set_invalid_samples(progress.invalid_samples);
   result.set_image_bytes(static_cast<int64_t>(file.size()));
   result.set_image_sha256(sha256(file));

@@ -90,7 +90,7 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   Job(Restored, const v1::CreateJobRequest& request, v1::Job description, std::filesystem::path folder,
       JobServices& services);
 
-  void run(const render::TileTask& task);
+  void run(const render::Task& task);
   /// Begins to end the job if there is a reason and no task of it runs; with `mutex_` held.
   void finish_if_idle();
   void finish();

@@ -3,7 +3,7 @@
 //
 //   {"command": "load", "scene": path, "parameters": {name: text}}
 //   {"command": "render", "width", "height", "samples_per_pixel", "max_depth", "seed", "threads", "output":
-//   path}
+//   path, "integrator": "volpath", "error": 0, "time_budget_seconds": 0, "record_budget": 0}
 //
 // `render` takes the reconstruction filter box whatever the scene says, since Mitsuba weights the samples of
 // neighbouring pixels with any other, and its pixels are not independent then. `output` is an EXR file of
@@ -75,16 +75,30 @@ class Bench {
     settings.integrator_settings.max_depth = command.at("max_depth");
     settings.integrator_settings.rr_depth = world_->scene().defaults.rr_depth;
     settings.seed = command.at("seed");
+    settings.integrator = command.value("integrator", settings.integrator);
+    settings.error = command.value("error", settings.error);
+    settings.time_budget_seconds = command.value("time_budget_seconds", settings.time_budget_seconds);
+    settings.record_budget = command.value("record_budget", settings.record_budget);
     render::RenderJob job(world_, settings);
     const auto take = reinterpret_cast<EmbreeProbeTake*>(dlsym(RTLD_DEFAULT, embree_probe_take_name));
     EmbreeProbe probe;
     if (take != nullptr) take(&probe);  // what was counted before
     render::run_to_completion(job, command.at("threads"));
     const render::Progress progress = job.progress();
-    Json answer{{"cpu_seconds", progress.cpu_seconds}, {"wall_seconds", progress.render_seconds},
-                {"samples", progress.samples_done},    {"rays", progress.rays},
-                {"passes", progress.passes_done},      {"invalid_samples", progress.invalid_samples}};
-    if (const auto noise = job.relative_noise()) answer["relative_noise"] = *noise;
+    Json answer{{"cpu_seconds", progress.cpu_seconds},
+                {"wall_seconds", progress.render_seconds},
+                {"samples", progress.samples_done},
+                {"rays", progress.rays},
+                {"passes", progress.passes_done},
+                {"invalid_samples", progress.invalid_samples},
+                {"stage", progress.stage},
+                {"stage_error", progress.stage_error},
+                {"epoch", progress.epoch},
+                {"records_reused", progress.records_reused},
+                {"records_new", progress.records_new},
+                {"bias", progress.estimate.bias}};
+    if (progress.estimate.error) answer["estimated_error"] = *progress.estimate.error;
+    if (progress.estimate.noise) answer["relative_noise"] = *progress.estimate.noise;
     if (take != nullptr) {
       take(&probe);
       answer["embree"] = {{"rays", probe.rays},

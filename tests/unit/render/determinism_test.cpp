@@ -88,7 +88,7 @@ TEST(Determinism, SplitIntoPasses) {
       }
       for (int channel = 0; channel < 3; ++channel) {
         EXPECT_EQ(image.rgb[(y * 19 + x) * 3 + static_cast<uint32_t>(channel)],
-                  to_pixel(sums.mean(64)[channel]));
+                  to_pixel(sums.mean({0, 64})[channel]));
       }
     }
   }

@@ -45,7 +45,7 @@ INSTANTIATE_TEST_SUITE_P(SampleCounts, HalfBuffers, testing::Values(2, 3, 7, 16)
 
 TEST(Film, OneSampleHasNoVariance) {
   EXPECT_EQ(uniform_image(1).variance_estimate, 0.0);
-  EXPECT_EQ(PixelSums{}.mean(0), Vec3d(0));
+  EXPECT_EQ(PixelSums{}.mean({0, 0}), Vec3d(0));
 }
 
 TEST(Film, SumsDoNotLoseSmallSamples) {
@@ -53,7 +53,7 @@ TEST(Film, SumsDoNotLoseSmallSamples) {
   sums.add(0, Spectrum(1e9f));
   constexpr uint32_t samples = 1u << 20;
   for (uint32_t i = 1; i < samples; ++i) sums.add(i, Spectrum(1.0f));
-  EXPECT_DOUBLE_EQ(sums.mean(samples).x, (1e9 + samples - 1) / samples);
+  EXPECT_DOUBLE_EQ(sums.mean({0, samples}).x, (1e9 + samples - 1) / samples);
 }
 
 TEST(Film, PixelsAreFiniteAndNotDenormal) {
@@ -95,12 +95,12 @@ TEST(RelativeNoise, FollowsItsFormula) {
                   return Spectrum(random.next_float());
                 }),
                 small_settings(128, 128, 64));
-  EXPECT_FALSE(job.relative_noise().has_value());
+  EXPECT_FALSE(job.progress().estimate.noise.has_value());
   run_to_completion(job, 2);
   // L = M = 1/2 but for the noise: sqrt(1 / 12 / 64) / (0.5 + 0.05). Without the largest 0.1 % the sum of
   // squares of normal variables lacks 1.2 % (0.6 % of the root); the rest is the statistical error of the
   // root, 4.42 / sqrt(2 * 16384) = 2.4 %, and the noise in L itself, which is second order.
-  EXPECT_NEAR(job.relative_noise().value(), std::sqrt(1.0 / 12 / 64) / 0.55, 0.035 * 0.0657);
+  EXPECT_NEAR(job.progress().estimate.noise.value(), std::sqrt(1.0 / 12 / 64) / 0.55, 0.035 * 0.0657);
 }
 
 TEST(RelativeNoise, IsNotDecidedByFireflies) {
@@ -108,11 +108,11 @@ TEST(RelativeNoise, IsNotDecidedByFireflies) {
   const auto noise = [](size_t fireflies) {
     TileFilm tile;
     tile.samples = 2;
-    tile.pixels.resize(16384);
-    for (size_t i = 0; i < tile.pixels.size(); ++i) {
+    tile.sampled.resize(16384);
+    for (size_t i = 0; i < tile.sampled.size(); ++i) {
       const float error = i < fireflies ? 1.0f : 0.125f;
-      tile.pixels[i].add(0, Spectrum(1 + error));
-      tile.pixels[i].add(1, Spectrum(1 - error));
+      tile.sampled[i].add(0, Spectrum(1 + error));
+      tile.sampled[i].add(1, Spectrum(1 - error));
     }
     return relative_noise({&tile});
   };
@@ -126,7 +126,7 @@ TEST(RelativeNoise, BlackImageHasNone) {
   RenderJob job(function_integrator([](const Ray&, RandomStream&, RayCounters&) { return Spectrum(0); }),
                 small_settings(16, 16, 4));
   run_to_completion(job, 1);
-  EXPECT_FALSE(job.relative_noise().has_value());
+  EXPECT_FALSE(job.progress().estimate.noise.has_value());
 }
 
 }  // namespace

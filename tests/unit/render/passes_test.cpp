@@ -34,16 +34,18 @@ TEST(Passes, TasksStaySmall) {
 }
 
 TEST(Passes, BudgetLimitsAPass) {
-  // 0.1 s a sample so far.
-  EXPECT_EQ(samples_of_next_pass(0, 1000, 1024, 0.0, 60.0), 1u);
-  EXPECT_EQ(samples_of_next_pass(16, 1000, 1024, 1.6, 60.0), 16u) << "an eighth of the budget is 75 samples";
-  EXPECT_EQ(samples_of_next_pass(200, 100000, 64, 20.0, 60.0), 75u) << "an eighth of the budget";
-  EXPECT_EQ(samples_of_next_pass(560, 100000, 64, 56.0, 60.0), 36u) << "nine tenths of the 4 s left";
-  EXPECT_EQ(samples_of_next_pass(599, 100000, 64, 59.95, 60.0), 0u) << "no sample fits";
-  EXPECT_EQ(samples_of_next_pass(700, 100000, 64, 70.0, 60.0), 0u) << "over the budget";
-  EXPECT_EQ(samples_of_next_pass(990, 1000, 1024, 1.0, 60.0), 10u)
-      << "all samples come before the budget's end";
-  EXPECT_EQ(samples_of_next_pass(1, 1000, 1024, 10.0, 60.0), 1u) << "never less than one where one fits";
+  const auto of_a_minute = [](uint32_t done, uint32_t in_all, uint32_t pixels, double seconds_left) {
+    return samples_of_next_pass(done, in_all, pixels, {seconds_left, 60.0, 0.1});
+  };
+  EXPECT_EQ(of_a_minute(0, 1000, 1024, 60.0), 1u);
+  EXPECT_EQ(of_a_minute(16, 1000, 1024, 58.4), 16u) << "an eighth of the budget is 75 samples";
+  EXPECT_EQ(of_a_minute(200, 100000, 64, 40.0), 75u) << "an eighth of the budget";
+  EXPECT_EQ(of_a_minute(560, 100000, 64, 4.0), 36u) << "nine tenths of the 4 s left";
+  EXPECT_EQ(of_a_minute(599, 100000, 64, 0.05), 0u) << "no sample fits";
+  EXPECT_EQ(of_a_minute(700, 100000, 64, -10.0), 0u) << "over the budget";
+  EXPECT_EQ(of_a_minute(990, 1000, 1024, 59.0), 10u) << "all samples come before the budget's end";
+  EXPECT_EQ(samples_of_next_pass(1, 1000, 1024, {50.0, 60.0, 10.0}), 1u)
+      << "never less than one where one fits";
 }
 
 }  // namespace

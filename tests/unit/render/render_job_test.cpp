@@ -23,8 +23,18 @@ FunctionIntegrator::Function constant(float value) {
   };
 }
 
+/// The next task that renders; what comes before it is run.
+std::optional<TileTask> next_tile_task(RenderJob& job) {
+  for (;;) {
+    const std::optional<Task> task = job.next_task();
+    if (!task) return std::nullopt;
+    if (const auto* const tile = std::get_if<TileTask>(&*task)) return *tile;
+    job.run(*task, never);
+  }
+}
+
 void run_pass(RenderJob& job) {
-  while (!job.run(job.next_task().value(), never)) {
+  while (!job.run(next_tile_task(job).value(), never)) {
   }
 }
 
@@ -44,7 +54,7 @@ TEST(RenderJob, AnUntouchedJobIsBlack) {
 TEST(RenderJob, APassBeginsOnlyAfterTheOneBefore) {
   RenderJob job(function_integrator(constant(1)), small_settings(40, 24, 4));
   std::vector<TileTask> tasks;
-  while (const auto task = job.next_task()) tasks.push_back(*task);
+  while (const auto task = next_tile_task(job)) tasks.push_back(*task);
   ASSERT_EQ(tasks.size(), 6u);
   std::set<uint32_t> tiles;
   for (const TileTask& task : tasks) {
@@ -59,7 +69,7 @@ TEST(RenderJob, APassBeginsOnlyAfterTheOneBefore) {
   EXPECT_EQ(job.tile(tasks[0].tile).samples, 1u) << "the unfinished pass, too";
   EXPECT_TRUE(job.run(tasks[5], never));
   EXPECT_EQ(job.image().samples, 1u);
-  EXPECT_EQ(job.next_task().value().pass, 1u);
+  EXPECT_EQ(next_tile_task(job).value().pass, 1u);
 }
 
 TEST(RenderJob, Progress) {
@@ -71,7 +81,7 @@ TEST(RenderJob, Progress) {
   EXPECT_EQ(job.progress().passes_done, 2u);
   EXPECT_EQ(job.progress().samples_per_pixel, 2u);
   EXPECT_EQ(job.progress().samples_done, 40u * 24 * 2);
-  const TileTask task = job.next_task().value();
+  const TileTask task = next_tile_task(job).value();
   EXPECT_FALSE(job.run(task, never));
   const auto pixels = static_cast<uint64_t>(task.window.width * task.window.height);
   EXPECT_EQ(job.progress().samples_done, 40u * 24 * 2 + 2 * pixels);
@@ -96,26 +106,27 @@ TEST(RenderJob, AStoppedTaskIsHandedOutAgain) {
                   return Spectrum(1);
                 }),
                 small_settings(16, 16, 1));
-  const TileTask task = job.next_task().value();
+  const TileTask task = next_tile_task(job).value();
   EXPECT_FALSE(job.run(task, stop));
   EXPECT_LT(samples, 50 + 16);
   EXPECT_EQ(job.tile(0).pass, 0u) << "film unchanged";
-  const TileTask again = job.next_task().value();
+  const TileTask again = next_tile_task(job).value();
   EXPECT_EQ(again.tile, task.tile);
   EXPECT_TRUE(job.run(again, stop = false));
+  run_to_completion(job, 1);
   EXPECT_TRUE(job.progress().finished);
   EXPECT_EQ(job.image().rgb, std::vector<float>(16 * 16 * 3, 1.0f));
 }
 
 TEST(RenderJob, ATaskThatWasRunTwiceCountsOnce) {
   RenderJob job(function_integrator(ray_and_random_function), small_settings(32, 16, 1));
-  const TileTask task = job.next_task().value();
+  const TileTask task = next_tile_task(job).value();
   EXPECT_FALSE(job.run(task, never));
   const TilePixels before = job.tile(task.tile);
   EXPECT_FALSE(job.run(task, never));
   EXPECT_EQ(job.tile(task.tile).rgb, before.rgb);
   EXPECT_EQ(job.progress().tiles_done, 1u);
-  EXPECT_THROW(job.run(TileTask{task.tile, 3, task.window, 4, 4}, never), Error);
+  EXPECT_THROW(job.run(TileTask{task.tile, 3, task.window, 4, 4, 0}, never), Error);
 }
 
 TEST(RenderJob, AnExceptionOfTheIntegratorLeavesTheFilmUnchanged) {
@@ -125,7 +136,7 @@ TEST(RenderJob, AnExceptionOfTheIntegratorLeavesTheFilmUnchanged) {
                   return Spectrum(1);
                 }),
                 small_settings(16, 16, 1));
-  EXPECT_THROW(job.run(job.next_task().value(), never), std::runtime_error);
+  EXPECT_THROW(job.run(next_tile_task(job).value(), never), std::runtime_error);
   EXPECT_EQ(job.tile(0).pass, 0u);
   fail = false;
   run_to_completion(job, 1);
@@ -143,8 +154,8 @@ TEST(RenderJob, CancelBetweenTasksFallsBackToTheLastPass) {
   run_pass(job);
   run_pass(job);
   const Image before = job.image();
-  const TileTask task = job.next_task().value();
-  const TileTask other = job.next_task().value();
+  const TileTask task = next_tile_task(job).value();
+  const TileTask other = next_tile_task(job).value();
   EXPECT_FALSE(job.run(task, never));
   EXPECT_EQ(job.tile(task.tile).pass, 3u);
   EXPECT_EQ(job.image().rgb, before.rgb);
@@ -237,7 +248,7 @@ TEST(RenderJob, NothingIsEverTorn) {
     auto& tiles = tiles_after.emplace_back();
     for (uint32_t tile = 0; tile < reference.tile_count(); ++tile) tiles.push_back(reference.tile(tile).rgb);
     image_with[reference.image().samples] = reference.image().rgb;
-    if (reference.ended()) break;
+    if (reference.image().samples == 256) break;
     run_pass(reference);
   }
 

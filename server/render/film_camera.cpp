@@ -1,0 +1,20 @@
+#include "render/film_camera.h"
+
+#include <cmath>
+#include <numbers>
+
+namespace fogbank::render {
+
+Ray FilmCamera::sample(uint32_t x, uint32_t y, RandomStream& random) const {
+  const Vec2f offset = scene::sample_filter_offset(film_, random.next_vec2());
+  const Vec2f position = Vec2f(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f) + offset;
+  return sensor_.sample_ray(film_, position, random.next_vec2());
+}
+
+float FilmCamera::pixel_angle() const {
+  if (sensor_.kind == scene::SensorKind::orthographic) return 0;
+  const double half = 0.5 * sensor_.fov_x_degrees * std::numbers::pi / 180;
+  return static_cast<float>(std::atan(2 * std::tan(half) / film_.width));
+}
+
+}  // namespace fogbank::render

@@ -1,0 +1,204 @@
+// The tasks of a job, as one thread runs them.
+#include <ctime>
+
+#include <utility>
+
+#include "core/error.h"
+#include "core/random.h"
+#include "render/render_job_state.h"
+
+namespace fogbank::render {
+
+namespace {
+
+double thread_cpu_seconds() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+std::chrono::steady_clock::duration clock_duration(double seconds) {
+  return std::chrono::duration_cast<std::chrono::steady_clock::duration>(
+      std::chrono::duration<double>(seconds));
+}
+
+}  // namespace
+
+std::optional<RenderJob::Implementation::Clock::time_point> RenderJob::Implementation::pass_deadline() const {
+  if (settings.time_budget_seconds == 0 || films.passes_done() == 0) return std::nullopt;
+  return *start + clock_duration(settings.time_budget_seconds);
+}
+
+void RenderJob::Implementation::watch_time() {
+  if (ended()) return;
+  if (const auto deadline = pass_deadline(); deadline && Clock::now() >= *deadline) {
+    finish();
+  } else if (phase == Phase::preparing && preparation_deadline && Clock::now() >= *preparation_deadline) {
+    preparation_dropped = true;
+    unwanted = true;
+    rounds.begin_round(0);
+    phase = Phase::planning;
+  }
+}
+
+void RenderJob::Implementation::end_task(const TaskCounters& counters) {
+  --running;
+  rays += counters.rays.total();
+  invalid_samples += counters.invalid_samples;
+  cpu_seconds += thread_cpu_seconds() - counters.cpu_begin;
+}
+
+bool RenderJob::Implementation::run_task(const PlanTask&, const std::atomic<bool>& stop) {
+  TaskCounters counters{.rays = {}, .invalid_samples = 0, .cpu_begin = thread_cpu_seconds()};
+  {
+    const std::lock_guard lock(mutex);
+    plan_taken = false;
+    if (ended() || phase != Phase::planning || running > 0 || stop) return false;
+    if (!start) start = Clock::now();
+    plan_taken = true;
+    ++running;
+  }
+  try {
+    const std::optional<Phase> next = plan();
+    const std::lock_guard lock(mutex);
+    end_task(counters);
+    plan_taken = false;
+    if (ended()) return false;
+    if (next) {
+      phase = *next;
+    } else {
+      finish();
+    }
+  } catch (...) {
+    preparation = nullptr;
+    const std::lock_guard lock(mutex);
+    end_task(counters);
+    plan_taken = false;
+    throw;
+  }
+  return false;
+}
+
+bool RenderJob::Implementation::run_task(const PreparationTask& task, const std::atomic<bool>& stop) {
+  TaskCounters counters{.rays = {.stop = &stop, .unwanted = &unwanted},
+                        .invalid_samples = 0,
+                        .cpu_begin = thread_cpu_seconds()};
+  {
+    const std::lock_guard lock(mutex);
+    if (ended() || phase != Phase::preparing || !rounds.begin(task)) return false;
+    ++running;
+  }
+  const auto end_this = [&](bool done) {
+    const std::lock_guard lock(mutex);
+    end_task(counters);
+    // A round that was dropped meanwhile knows this task no longer.
+    if (ended() || phase != Phase::preparing) return;
+    if (rounds.end(task, done)) phase = Phase::planning;
+    watch_time();
+  };
+  try {
+    counters.rays.poll();
+    preparation->run(task.task, counters.rays);
+    end_this(true);
+  } catch (const Interrupted&) {
+    end_this(false);
+  } catch (...) {
+    end_this(false);
+    throw;
+  }
+  return false;
+}
+
+bool RenderJob::Implementation::run_task(const TileTask& task, const std::atomic<bool>& stop) {
+  TaskCounters counters{.rays = {.stop = &stop, .unwanted = &interrupted},
+                        .invalid_samples = 0,
+                        .cpu_begin = thread_cpu_seconds()};
+  TileFilmPointer before;
+  std::optional<Clock::time_point> deadline;
+  {
+    const std::lock_guard lock(mutex);
+    if (!films.knows(task)) {
+      throw Error(ErrorKind::invalid_argument, "NO_SUCH_TASK", "this job never handed out such a task");
+    }
+    if (ended() || films.is_done(task)) return false;
+    before = films.current(task.tile);
+    deadline = pass_deadline();
+    ++running;
+  }
+  TileFilm film;
+  if (before) film = *before;
+  const size_t pixels = static_cast<size_t>(task.window.width) * static_cast<size_t>(task.window.height);
+  film.sampled.resize(pixels);
+  if (layered) {
+    if (film.first_cached_sample != task.first_cached_sample) film.cached.clear();
+    film.cached.resize(pixels);
+    film.first_cached_sample = task.first_cached_sample;
+  }
+
+  bool complete = false;
+  try {
+    complete = render(task, stop, deadline, film, counters);
+  } catch (const Interrupted&) {
+    complete = false;
+  } catch (...) {
+    const std::lock_guard lock(mutex);
+    end_task(counters);
+    if (!ended()) films.give_back(task.tile);
+    throw;
+  }
+
+  auto made = std::make_shared<const TileFilm>(std::move(film));
+  TileFilmPointer outdated;  // outlives the lock, so that its memory isn't freed under it
+  const std::lock_guard lock(mutex);
+  end_task(counters);
+  watch_time();
+  // Run by two callers at once: both have the same pixels, and one has come first.
+  if (ended() || films.is_done(task)) return false;
+  if (!complete) {
+    films.give_back(task.tile);
+    return false;
+  }
+  if (!films.add(task, std::move(made), outdated)) return false;
+  pass_to_judge = true;
+  phase = Phase::planning;
+  return true;
+}
+
+bool RenderJob::Implementation::render(const TileTask& task, const std::atomic<bool>& stop,
+                                       std::optional<Clock::time_point> deadline, TileFilm& film,
+                                       TaskCounters& counters) const {
+  // Each poll reads the clock, which takes about as long as 1 % of a sample.
+  constexpr uint32_t samples_between_polls = 16;
+  uint32_t until_poll = 0;
+  const uint32_t end_sample = task.first_sample + task.sample_count;
+  size_t pixel = 0;
+  for (int32_t y = task.window.y; y < task.window.y + task.window.height; ++y) {
+    for (int32_t x = task.window.x; x < task.window.x + task.window.width; ++x, ++pixel) {
+      for (uint32_t index = task.first_sample; index < end_sample; ++index) {
+        if (until_poll-- == 0) {
+          if (stop || interrupted || (deadline && Clock::now() >= *deadline)) return false;
+          until_poll = samples_between_polls - 1;
+        }
+        RandomStream random(settings.seed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), index);
+        const Ray ray = camera.sample(static_cast<uint32_t>(x), static_cast<uint32_t>(y), random);
+        const integrators::PixelSample sample = integrator->sample(ray, random, counters.rays);
+        const Spectrum sum = sample.sampled + sample.cached;
+        // A single NaN would stay in the pixel for ever. Black is wrong as well, hence the count, which isn't
+        // hidden.
+        if (!is_finite(sum) || min_component(sample.sampled) < 0 || min_component(sample.cached) < 0) {
+          ++counters.invalid_samples;
+        } else if (layered) {
+          film.sampled[pixel].add(index, sample.sampled);
+          film.cached[pixel].add(index, sample.cached);
+        } else {
+          film.sampled[pixel].add(index, sum);
+        }
+      }
+    }
+  }
+  film.passes = task.pass + 1;
+  film.samples = end_sample;
+  return true;
+}
+
+}  // namespace fogbank::render

@@ -1,0 +1,33 @@
+// The tasks of a preparation, round by round. Not thread-safe: the job's mutex guards it.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "render/task.h"
+
+namespace fogbank::render {
+
+class PreparationRounds {
+ public:
+  /// While no task runs.
+  void begin_round(uint32_t tasks);
+  /// A task that nobody has, if any.
+  std::optional<PreparationTask> take();
+  /// False when it isn't of this round, runs already or is done.
+  bool begin(const PreparationTask& task);
+  /// Ends what `begin` began. True when that completed the round.
+  bool end(const PreparationTask& task, bool done);
+
+ private:
+  enum class State : uint8_t { waiting, running, done };
+
+  uint32_t round_ = 0;
+  std::vector<State> tasks_;
+  uint32_t next_ = 0;
+  std::vector<uint32_t> returned_;
+  uint32_t done_ = 0;
+};
+
+}  // namespace fogbank::render

@@ -1,0 +1,33 @@
+// The work of a rendering job, cut into what one thread does at a time.
+#pragma once
+
+#include <cstdint>
+#include <variant>
+
+#include "scene/sensor.h"
+
+namespace fogbank::render {
+
+/// Decides what comes next: plans the next round of a preparation, judges the pass that ended, chooses
+/// between a finer cache and more samples. Runs alone.
+struct PlanTask {};
+
+/// One task of a round of a preparation (integrators::Preparation).
+struct PreparationTask {
+  uint32_t round = 0;  ///< counted over the whole job
+  uint32_t task = 0;
+};
+
+/// One tile of one pass: samples [first_sample, first_sample + sample_count) of each of its pixels.
+struct TileTask {
+  uint32_t tile = 0;
+  uint32_t pass = 0;
+  scene::Window window;
+  uint32_t first_sample = 0;
+  uint32_t sample_count = 0;
+  uint32_t first_cached_sample = 0;  ///< samples of an older epoch, before this one, leave the cached layer
+};
+
+using Task = std::variant<PlanTask, PreparationTask, TileTask>;
+
+}  // namespace fogbank::render
