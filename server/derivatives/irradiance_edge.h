@@ -48,7 +48,7 @@ struct AngleOverSine {
 /// around a polygon that lies above the horizon of `normal`, counter-clockwise seen from the point, it is the
 /// polygon's cosine-weighted form factor: irradiance over (pi times the polygon's radiance), 1 for the whole
 /// hemisphere. a, b: relative to the point; `normal`: unit, constant as the point moves. The opposite edge
-/// has exactly the negative term.
+/// has the negative term.
 template <typename Real>
 Jet<Real, 3> irradiance_edge_term(const glm::vec<3, Real>& a, const glm::vec<3, Real>& b,
                                   const glm::vec<3, Real>& normal) {
@@ -68,6 +68,14 @@ Jet<Real, 3> irradiance_edge_term(const glm::vec<3, Real>& a, const glm::vec<3, 
   const AngleOverSine<Real> phi(std::clamp(cosine.value, Real(-1), Real(1)));
   return area * inverse_lengths * chain(cosine, phi.value, phi.first, phi.second) *
          (std::numbers::inv_pi_v<Real> / 2);
+}
+
+/// Cosine-weighted form factor of a triangle above the horizon: the sum around it, signed by its winding.
+template <typename Real>
+Jet<Real, 3> irradiance_form_factor(const glm::vec<3, Real>& a, const glm::vec<3, Real>& b,
+                                    const glm::vec<3, Real>& c, const glm::vec<3, Real>& normal) {
+  return irradiance_edge_term(a, b, normal) + irradiance_edge_term(b, c, normal) +
+         irradiance_edge_term(c, a, normal);
 }
 
 }  // namespace fogbank::derivatives

@@ -1,29 +1,35 @@
-// Indirect irradiance at a surface point with occlusion-aware derivatives: the virtual triangulation of
-// method.md section 2 over the hemisphere, cosine-weighted.
+// Irradiance of a side of a surface by light that doesn't come straight from an emitter, with occlusion-aware
+// derivatives: the virtual triangulation of method.md section 2 over the hemisphere, cosine-weighted
+// (Schwarzhaupt et al. 2012, "Practical Hessian-Based Error Control for Irradiance Caching", who weigh
+// triangles by their farthest vertex).
 #pragma once
 
-#include "derivatives/hemisphere_grid.h"
+#include "derivatives/hemisphere_rays.h"
 #include "derivatives/radiance_jet.h"
-#include "transport/path_tracer.h"
+#include "derivatives/source.h"
 
 namespace fogbank::derivatives {
 
-struct IrradianceEstimate {
-  /// Irradiance / pi: what a white Lambertian surface sends out. Derivatives are with respect to the point,
-  /// as if the hemisphere's plane moved with it; meaningful along the surface.
-  RadianceJet mean;
-  double variance = 0;                 ///< of the luminance of `mean`, from the spread of neighbouring rays
-  float nearest = infinity;            ///< distance to the nearest surface seen
-  float harmonic_distance = infinity;  ///< harmonic mean distance, by cosine
+struct IrradianceSettings {
+  int32_t samples = 256;  ///< directions, rounded up to a square; at least 4
+  bool bisect = true;     ///< outlines (method.md section 6.2)
 };
 
-/// One estimate: light that arrives from surfaces (their emission left out where a light is sampled) and from
-/// the medium. `normal`: unit, to the side that is lit; `medium`: on that side. `depth`: scattering events
-/// between the camera and this one, the one at the surface included. One path for each of the (n + 1)^2
-/// vertices.
-IrradianceEstimate gather_irradiance(const transport::PathTracer& kernel, const HemisphereGrid& grid,
-                                     const scene::SurfaceInteraction& surface, const Vec3f& normal,
-                                     int32_t medium, int32_t depth, RandomStream& random,
-                                     RayCounters& counters);
+struct IrradianceEstimate {
+  /// Irradiance over pi: what a white Lambertian surface sends out. The value is the stratified mean of the
+  /// rays, unbiased; derivatives are with respect to moving in the tangent plane, and have no component along
+  /// the normal. Finite.
+  RadianceJet mean;
+  double variance = 0;           ///< of the luminance of `mean`, from the spread of neighbouring rays
+  double gradient_variance = 0;  ///< of the luminance's gradient: sum over its components
+};
+
+/// Light from surfaces, their emission left out, and from the medium, along one ray a direction. Mean rule on
+/// triangles between surfaces that meet, farthest rule on slanted ones, which outlines split first (method.md
+/// sections 5 and 6.2); derivatives of the light from surfaces are scaled by the ratio of the two values
+/// (section 6.1). Mirrors count as surfaces with a picture on them. Throws Interrupted.
+IrradianceEstimate gather_irradiance(const transport::World& world, const LightSources& sources,
+                                     const SurfaceSide& side, const IrradianceSettings& settings,
+                                     RandomStream& random, RayCounters& counters);
 
 }  // namespace fogbank::derivatives

@@ -90,21 +90,20 @@ bool is_near_side(const Sightlines& probes, size_t probe, const Sightlines& line
 
 }  // namespace
 
-Outlines find_outlines(const SphereRays& rays, std::span<const float> weights, int32_t steps, size_t most,
-                       RayCounters& counters) {
-  const Sightlines& lines = rays.lines();
-  const auto edges = rays.topology().edges();
+Outlines find_outlines(const Sightlines& lines, std::span<const RayEnd> ray_ends,
+                       std::span<const DirectionTopology::Edge> edges, std::span<const float> weights,
+                       int32_t steps, size_t most, RayCounters& counters) {
   Outlines outlines;
   outlines.of_edge.assign(edges.size(), Outlines::none);
   std::vector<End> ends;
-  ends.reserve(rays.ends().size());
+  ends.reserve(ray_ends.size());
   bool mirrors = false;
-  for (size_t i = 0; i < rays.ends().size(); ++i) {
+  for (size_t i = 0; i < ray_ends.size(); ++i) {
     counters.poll_at(i);
-    ends.push_back(make_end(lines.direction(i), rays.ends()[i]));
-    mirrors = mirrors || rays.ends()[i].is_mirrored;
+    ends.push_back(make_end(lines.direction(i), ray_ends[i]));
+    mirrors = mirrors || ray_ends[i].is_mirrored;
   }
-  const auto is_mirrored = [&](uint32_t ray) { return mirrors && rays.ends()[ray].is_mirrored; };
+  const auto is_mirrored = [&](uint32_t ray) { return mirrors && ray_ends[ray].is_mirrored; };
   std::vector<Jump> jumps;
   for (uint32_t e = 0; e < edges.size(); ++e) {
     counters.poll_at(e);
@@ -115,7 +114,7 @@ Outlines find_outlines(const SphereRays& rays, std::span<const float> weights, i
     if (is_mirrored(a) || is_mirrored(b)) continue;
     const float difference = std::fabs(weights[a] - weights[b]);
     if (!(difference > least_difference * std::max(weights[a], weights[b]))) continue;
-    jumps.push_back({e, difference * std::fabs(1 / rays.ends()[a].distance - 1 / rays.ends()[b].distance)});
+    jumps.push_back({e, difference * std::fabs(1 / ray_ends[a].distance - 1 / ray_ends[b].distance)});
   }
   if (steps == 0 || most == 0) return outlines;
   if (jumps.size() > most) {
@@ -132,10 +131,10 @@ Outlines find_outlines(const SphereRays& rays, std::span<const float> weights, i
     const DirectionTopology::Edge& edge = edges[jump.edge];
     outlines.of_edge[jump.edge] = static_cast<uint32_t>(outlines.points.size());
     Outline outline{edge.a, edge.b};
-    if (rays.ends()[edge.b].distance < rays.ends()[edge.a].distance) std::swap(outline.near, outline.far);
+    if (ray_ends[edge.b].distance < ray_ends[edge.a].distance) std::swap(outline.near, outline.far);
     outlines.points.push_back(outline);
     searches.push_back({lines.direction(outline.near), lines.direction(outline.far),
-                        rays.ends()[outline.near].distance, rays.ends()[outline.far].distance});
+                        ray_ends[outline.near].distance, ray_ends[outline.far].distance});
   }
   if (searches.empty()) return outlines;
 

@@ -22,18 +22,18 @@ struct Outline {
 /// The outlines on the edges of one trace of a grid.
 struct Outlines {
   std::vector<Outline> points;
-  std::vector<uint32_t>
-      of_edge;  ///< for each edge of the topology its place in `points`, `none` or `unknown`
+  std::vector<uint32_t> of_edge;  ///< for each edge its place in `points`, `none` or `unknown`
 
   static constexpr uint32_t none = 0xffffffff;     ///< the ends lie on surfaces that meet
   static constexpr uint32_t unknown = 0xfffffffe;  ///< a jump in depth that was not bisected
 };
 
-/// Looks at every edge, and bisects jumps in depth `steps` times, at most `most` of them: first those that
-/// move most light as the point moves, by the difference of `weights` (one a ray, >= 0: radiance times
-/// transmittance) times that of the inverse distances. Jumps between weights that differ by less than 1 %
-/// never are, nor are those at the frame of a mirror.
-Outlines find_outlines(const SphereRays& rays, std::span<const float> weights, int32_t steps, size_t most,
-                       RayCounters& counters);
+/// Looks at each of `edges`, whose vertices are lines with their `ends`, and bisects jumps in depth `steps`
+/// times, at most `most` of them: first those that move most light as the point moves, by the difference of
+/// `weights` (one a ray, >= 0: radiance times transmittance) times that of the inverse distances. Jumps
+/// between weights that differ by less than 1 % never are, nor are those at the frame of a mirror.
+Outlines find_outlines(const Sightlines& lines, std::span<const RayEnd> ends,
+                       std::span<const DirectionTopology::Edge> edges, std::span<const float> weights,
+                       int32_t steps, size_t most, RayCounters& counters);
 
 }  // namespace fogbank::derivatives

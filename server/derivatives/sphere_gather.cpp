@@ -60,7 +60,8 @@ void SphereGather::find_outlines(SphereSamples& samples, RayCounters& counters) 
   std::vector<float> weights(ends.size());
   for (size_t i = 0; i < ends.size(); ++i)
     weights[i] = luminance(lit ? ends[i].weight * (samples.radiance[i] + ends[i].emitted) : ends[i].weight);
-  samples.outlines = derivatives::find_outlines(samples.rays, weights, settings_.bisect ? outline_steps : 0,
+  samples.outlines = derivatives::find_outlines(samples.rays.lines(), ends, samples.rays.topology().edges(),
+                                                weights, settings_.bisect ? outline_steps : 0,
                                                 ends.size() / static_cast<size_t>(outline_steps), counters);
 }
 
@@ -96,8 +97,9 @@ RadianceJet SphereGather::gather(const SphereSamples& samples, const RayCounters
     lit[i] = is_black(radiance[i] * ends[i].weight) ? 0 : 1;
   }
   counters.poll();
-  const SphereMesh mesh =
-      make_sphere_mesh(rays, samples.outlines, lit, least_radii * world_->scene().bounds.radius, counters);
+  const SphereMesh mesh = make_sphere_mesh(
+      {lines.directions(), ends, rays.topology().triangles(), rays.topology().triangle_edges()},
+      samples.outlines, lit, least_radii * world_->scene().bounds.radius, counters);
   const auto form_factors =
       gather_form_factors<float>(mesh.vertices, mesh.triangles, settings_.derivatives, counters);
 

@@ -14,8 +14,8 @@ BatchVertex<float> make_vertex(const Vec3f& direction, float distance, float lea
 /// Adds one triangle of the grid, in as many pieces as its outlines make of it.
 class Splitter {
  public:
-  Splitter(const SphereRays& rays, const Outlines& outlines, SphereMesh& mesh)
-      : rays_(rays), outlines_(outlines), mesh_(mesh) {}
+  Splitter(const JoinedEnds& grid, const Outlines& outlines, SphereMesh& mesh)
+      : grid_(grid), outlines_(outlines), mesh_(mesh) {}
 
   void add(const DirectionTopology::Triangle& corners, const std::array<uint32_t, 3>& edges) {
     size_t cuts = 0;
@@ -80,7 +80,7 @@ class Splitter {
 
   Cut cut(uint32_t edge, uint32_t from) const {
     const uint32_t index = outlines_.of_edge[edge];
-    const auto near = static_cast<uint32_t>(rays_.ends().size() + 2 * index);
+    const auto near = static_cast<uint32_t>(grid_.ends.size() + 2 * index);
     return outlines_.points[index].near == from ? Cut{near, near + 1} : Cut{near + 1, near};
   }
 
@@ -104,23 +104,22 @@ class Splitter {
     mesh_.triangles.push_back({corners, receivers});
   }
 
-  const SphereRays& rays_;
+  const JoinedEnds& grid_;
   const Outlines& outlines_;
   SphereMesh& mesh_;
 };
 
 }  // namespace
 
-SphereMesh make_sphere_mesh(const SphereRays& rays, const Outlines& outlines, std::span<const uint8_t> lit,
+SphereMesh make_sphere_mesh(const JoinedEnds& grid, const Outlines& outlines, std::span<const uint8_t> lit,
                             float least_distance, const RayCounters& counters) {
   SphereMesh mesh;
-  const size_t count = rays.ends().size() + 2 * outlines.points.size();
+  const size_t count = grid.ends.size() + 2 * outlines.points.size();
   mesh.vertices.reserve(count);
   mesh.rays.reserve(count);
-  for (uint32_t ray = 0; ray < rays.ends().size(); ++ray) {
+  for (uint32_t ray = 0; ray < grid.ends.size(); ++ray) {
     counters.poll_at(ray);
-    mesh.vertices.push_back(
-        make_vertex(rays.lines().direction(ray), rays.ends()[ray].distance, least_distance));
+    mesh.vertices.push_back(make_vertex(grid.directions[ray], grid.ends[ray].distance, least_distance));
     mesh.rays.push_back(ray);
   }
   for (const Outline& outline : outlines.points) {
@@ -129,14 +128,13 @@ SphereMesh make_sphere_mesh(const SphereRays& rays, const Outlines& outlines, st
     mesh.rays.push_back(outline.near);
     mesh.rays.push_back(outline.far);
   }
-  const auto triangles = rays.topology().triangles();
-  const auto edges = rays.topology().triangle_edges();
+  const auto triangles = grid.triangles;
   mesh.triangles.reserve(triangles.size() + 8 * outlines.points.size());
-  Splitter splitter(rays, outlines, mesh);
+  Splitter splitter(grid, outlines, mesh);
   for (size_t t = 0; t < triangles.size(); ++t) {
     counters.poll_at(t);
     const auto& [a, b, c] = triangles[t];
-    if ((lit[a] | lit[b] | lit[c]) != 0) splitter.add(triangles[t], edges[t]);
+    if ((lit[a] | lit[b] | lit[c]) != 0) splitter.add(triangles[t], grid.triangle_edges[t]);
   }
   return mesh;
 }

@@ -17,9 +17,18 @@ struct SphereMesh {
   std::vector<uint32_t> rays;  ///< for each vertex the ray whose surface it lies on
 };
 
-/// Distances below `least_distance` count as it. Triangles with no vertex that is `lit` (one flag a ray) are
-/// left out. Throws Interrupted.
-SphereMesh make_sphere_mesh(const SphereRays& rays, const Outlines& outlines, std::span<const uint8_t> lit,
+/// Ends of lines in all directions, and the triangles between them.
+struct JoinedEnds {
+  std::span<const Vec3f> directions;
+  std::span<const RayEnd> ends;  ///< one a direction
+  std::span<const DirectionTopology::Triangle> triangles;
+  /// Of each triangle, from its first, second and third vertex on: those that `Outlines::of_edge` numbers.
+  std::span<const std::array<uint32_t, 3>> triangle_edges;
+};
+
+/// Distances below `least_distance` count as it. Triangles with no vertex that is `lit` (one flag a
+/// direction) are left out. Throws Interrupted.
+SphereMesh make_sphere_mesh(const JoinedEnds& grid, const Outlines& outlines, std::span<const uint8_t> lit,
                             float least_distance, const RayCounters& counters);
 
 }  // namespace fogbank::derivatives

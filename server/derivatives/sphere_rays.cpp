@@ -10,7 +10,10 @@ namespace {
 /// Mirrors that one line is followed through; beyond them a mirror's image counts as lying on it.
 constexpr size_t most_mirrors = 8;
 
-/// Number of a surface's side that faces one of the six directions of the axes.
+Vec3f mirrored(const Vec3f& v, const Vec3f& normal) { return v - 2 * glm::dot(v, normal) * normal; }
+
+}  // namespace
+
 uint32_t surface_number(const scene::Hit& hit, const Vec3f& normal) {
   const Vec3f size = glm::abs(normal);
   const int axis = size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
@@ -18,10 +21,6 @@ uint32_t surface_number(const scene::Hit& hit, const Vec3f& normal) {
   const uint32_t shape = hit.shape + 0x9e3779b9u * static_cast<uint32_t>(hit.instance + 1);
   return std::min(shape * 6 + side, RayEnd::nothing - 1);
 }
-
-Vec3f mirrored(const Vec3f& v, const Vec3f& normal) { return v - 2 * glm::dot(v, normal) * normal; }
-
-}  // namespace
 
 bool SphereRays::is_mirror(uint32_t shape) const {
   const transport::Bsdf& bsdf = lines_.world().bsdf(shape);

@@ -26,6 +26,9 @@ struct RayEnd {
   static constexpr uint32_t nothing = 0xffffffff;
 };
 
+/// RayEnd::surface of the side of a surface that faces one of the six directions of the axes.
+uint32_t surface_number(const scene::Hit& hit, const Vec3f& normal);
+
 /// One trace of a grid of directions. For one thread; reusable.
 class SphereRays {
  public:
