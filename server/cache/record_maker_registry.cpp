@@ -1,5 +1,6 @@
 // Record makers by quantity. A new one is its own file and one line here.
 #include "cache/record_maker.h"
+#include "cache/record_makers/irradiance.h"
 #include "cache/record_makers/rest.h"
 #include "core/error.h"
 
@@ -11,6 +12,8 @@ std::unique_ptr<RecordMaker> make_record_maker(Quantity quantity,
   switch (quantity) {
     case Quantity::rest:
       return std::make_unique<RestRecordMaker>(std::move(world), settings);
+    case Quantity::irradiance:
+      return std::make_unique<IrradianceRecordMaker>(std::move(world), settings);
     default:
       throw Error(ErrorKind::invalid_argument, "INVALID_SETTINGS",
                   "record maker: nobody makes this quantity");
