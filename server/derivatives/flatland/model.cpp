@@ -100,6 +100,7 @@ Estimate Model::estimate(const Vec2d& x) const {
   const auto add = [&sum](const Estimate& part) {
     sum.mean += part.mean;
     sum.stratified_mean += part.stratified_mean;
+    sum.gradient_magnitude += part.gradient_magnitude;
     sum.rays += part.rays;
   };
   if (parts_->settings.order != Order::multiple) add(parts_->single(x));

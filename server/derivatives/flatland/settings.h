@@ -38,6 +38,9 @@ struct Estimate {
   /// Monte Carlo mean of the same rays, free of the triangulation's bias (6.1); of the exact method: the
   /// value.
   double stratified_mean = 0;
+  /// Mean of the magnitudes of the single samples' gradients, of the unaware method alone: what its
+  /// first-order radius follows from (method.md section 9). At least |mean.gradient|.
+  double gradient_magnitude = 0;
   uint64_t rays = 0;
 };
 

@@ -16,6 +16,11 @@ Jet2d from_logarithm(double value, const Vec2d& gradient, const Matrix& hessian)
   return {value, value * gradient, value * (hessian + Matrix::outer(gradient))};
 }
 
+void add(Estimate& estimate, const Jet2d& sample) {
+  estimate.mean += sample;
+  estimate.gradient_magnitude += glm::length(sample.gradient);
+}
+
 }  // namespace
 
 Estimate estimate_surfaces_unaware(const Scene& scene, const Settings& settings, const Vec2d& x) {
@@ -32,9 +37,10 @@ Estimate estimate_surfaces_unaware(const Scene& scene, const Settings& settings,
     const Vec2d n_over_nr = n / (l * glm::dot(n, u));
     const Matrix along = Matrix::outer(u);
     const Matrix across = Matrix::identity() - along;
-    estimate.mean += from_logarithm(
-        radiance * transmittance(sigma_t, l) / settings.samples, (sigma_t + 2 / l) * u - n_over_nr,
-        across * (-sigma_t / l) + (across - along) * (-2 / (l * l)) - Matrix::outer(n_over_nr));
+    add(estimate,
+        from_logarithm(
+            radiance * transmittance(sigma_t, l) / settings.samples, (sigma_t + 2 / l) * u - n_over_nr,
+            across * (-sigma_t / l) + (across - along) * (-2 / (l * l)) - Matrix::outer(n_over_nr)));
   }
   estimate.stratified_mean = estimate.mean.value;
   estimate.rays = ring.rays;
@@ -55,9 +61,9 @@ Estimate estimate_medium_unaware(const Scene& scene, const Source& source, const
     for (int k = 0; (k + 0.5) * settings.march_step < end; ++k) {
       const double s = (k + 0.5) * settings.march_step;
       // K = T / s
-      estimate.mean +=
+      add(estimate,
           from_logarithm(weight * transmittance(sigma_t, s) * source.value(x + s * u), (sigma_t + 1 / s) * u,
-                         across * (-sigma_t / s) + (across - along) * (-1 / (s * s)));
+                         across * (-sigma_t / s) + (across - along) * (-1 / (s * s))));
     }
   }
   estimate.stratified_mean = estimate.mean.value;
