@@ -1,5 +1,6 @@
 #include "service/flatland_call.h"
 
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -7,6 +8,7 @@
 
 #include "service/answers.h"
 #include "service/flatland_messages.h"
+#include "service/limits.h"
 
 namespace fogbank::service {
 
@@ -14,8 +16,101 @@ namespace flatland = derivatives::flatland;
 
 namespace {
 
-/// Points of single scattering take microseconds, so several make a task; the others milliseconds.
-constexpr size_t cheap_points_per_task = 64;
+/// What a call computes. All but tasks is called by one thread at a time.
+class FlatlandWork {
+ public:
+  virtual ~FlatlandWork() = default;
+  /// Checks the request; the first to be called. May throw, as tasks may.
+  virtual void begin() = 0;
+  /// The next task, or an empty function after the last one.
+  virtual std::function<void()> take() = 0;
+  /// Whether the last task has been taken.
+  virtual bool exhausted() const = 0;
+  /// Most tasks to run at once.
+  virtual int max_threads() const { return std::numeric_limits<int>::max(); }
+  /// After all tasks have ended.
+  virtual void answer() = 0;
+};
+
+/// Estimates at independent points.
+class ProbeWork final : public FlatlandWork {
+ public:
+  ProbeWork(const v1::ProbeFlatlandRequest& request, v1::ProbeFlatlandResponse& response)
+      : request_(request), response_(response) {}
+
+  void begin() override {
+    model_.emplace(to_model(request_.scene(), request_.settings()));
+    points_ = to_points(request_.coordinates(), model_->scene(), limits::max_flatland_points,
+                        "max_flatland_points");
+    estimates_.resize(points_.size());
+    if (model_->settings().order == derivatives::Order::single) points_per_task_ = cheap_points_per_task;
+  }
+
+  std::function<void()> take() override {
+    if (exhausted()) return {};
+    const size_t first = next_;
+    next_ = std::min(points_.size(), first + points_per_task_);
+    return [this, first, last = next_] {
+      for (size_t i = first; i < last; ++i) estimates_[i] = model_->estimate(points_[i]);
+    };
+  }
+
+  bool exhausted() const override { return next_ >= points_.size(); }
+
+  void answer() override {
+    set_effective(*response_.mutable_settings(), model_->settings());
+    set_response(response_, estimates_);
+  }
+
+ private:
+  /// Points of single scattering take microseconds, so several make a task; the others milliseconds.
+  static constexpr size_t cheap_points_per_task = 64;
+
+  const v1::ProbeFlatlandRequest& request_;
+  v1::ProbeFlatlandResponse& response_;
+  std::optional<flatland::Model> model_;
+  std::vector<Vec2d> points_;
+  size_t points_per_task_ = 1;
+  size_t next_ = 0;
+  std::vector<flatland::Estimate> estimates_;  ///< each written by one task
+};
+
+/// The fill of a cache, in which every step depends on the one before.
+class FillWork final : public FlatlandWork {
+ public:
+  FillWork(const v1::FillFlatlandCacheRequest& request, v1::FillFlatlandCacheResponse& response)
+      : request_(request), response_(response) {}
+
+  void begin() override {
+    model_ = std::make_shared<flatland::Model>(to_model(request_.scene(), request_.settings()));
+    fill_.emplace(to_fill(request_.cache(), model_,
+                          to_points(request_.coordinates(), model_->scene(),
+                                    limits::max_flatland_cache_points, "max_flatland_cache_points")));
+  }
+
+  std::function<void()> take() override {
+    if (exhausted()) return {};
+    return [this] { more_ = fill_->fill.advance(points_per_task); };
+  }
+
+  bool exhausted() const override { return !more_; }
+  int max_threads() const override { return 1; }
+
+  void answer() override {
+    set_effective(*response_.mutable_settings(), model_->settings());
+    set_response(response_, *fill_);
+  }
+
+ private:
+  /// A few milliseconds where each gets a record.
+  static constexpr size_t points_per_task = 64;
+
+  const v1::FillFlatlandCacheRequest& request_;
+  v1::FillFlatlandCacheResponse& response_;
+  std::shared_ptr<const flatland::Model> model_;
+  std::optional<FlatlandFill> fill_;
+  bool more_ = true;
+};
 
 /// Lives until gRPC and the scheduler have let go of it. Finishes once: when the last task has ended, after
 /// an error or a cancellation as soon as none runs.
@@ -23,9 +118,8 @@ class FlatlandCall final : public grpc::ServerUnaryReactor,
                            public Workload,
                            public std::enable_shared_from_this<FlatlandCall> {
  public:
-  FlatlandCall(const v1::ProbeFlatlandRequest& request, v1::ProbeFlatlandResponse& response,
-               Scheduler& scheduler)
-      : request_(request), response_(response), scheduler_(scheduler) {}
+  FlatlandCall(std::unique_ptr<FlatlandWork> work, Scheduler& scheduler)
+      : work_(std::move(work)), scheduler_(scheduler) {}
 
   void start(TaskQueue& control) {
     self_ = shared_from_this();
@@ -36,11 +130,11 @@ class FlatlandCall final : public grpc::ServerUnaryReactor,
 
   std::function<void()> take() override {
     const std::lock_guard lock(mutex_);
-    if (status_ || next_ >= points_.size()) return {};
-    const size_t first = next_;
-    next_ = std::min(points_.size(), first + points_per_task_);
+    if (status_ || running_ >= work_->max_threads()) return {};
+    std::function<void()> task = work_->take();
+    if (!task) return {};
     ++running_;
-    return [call = shared_from_this(), first, last = next_] { call->run(first, last); };
+    return [call = shared_from_this(), task = std::move(task)] { call->run(task); };
   }
 
   void OnCancel() override { fail(grpc::Status::CANCELLED); }
@@ -50,20 +144,18 @@ class FlatlandCall final : public grpc::ServerUnaryReactor,
   /// The first task.
   void begin() {
     try {
-      model_.emplace(to_model(request_));
-      points_ = to_points(request_, model_->scene());
-      estimates_.resize(points_.size());
-      if (model_->settings().order == derivatives::Order::single) points_per_task_ = cheap_points_per_task;
+      work_->begin();
       scheduler_.add(shared_from_this());
     } catch (...) {
       fail(status_of(std::current_exception()));
     }
     end_task();
+    scheduler_.wake();
   }
 
-  void run(size_t first, size_t last) {
+  void run(const std::function<void()>& task) {
     try {
-      for (size_t i = first; i < last; ++i) estimates_[i] = model_->estimate(points_[i]);
+      task();
     } catch (...) {
       fail(status_of(std::current_exception()));
     }
@@ -90,41 +182,45 @@ class FlatlandCall final : public grpc::ServerUnaryReactor,
     grpc::Status status;
     {
       const std::lock_guard lock(mutex_);
-      if (finished_ || running_ > 0 || (!status_ && next_ < points_.size())) return;
+      if (finished_ || running_ > 0 || (!status_ && !work_->exhausted())) return;
       finished_ = true;
       status = status_.value_or(grpc::Status::OK);
     }
     scheduler_.remove(*this);
-    if (status.ok()) set_response(response_, model_->settings(), estimates_);
+    if (status.ok()) work_->answer();
     Finish(status);
   }
 
-  const v1::ProbeFlatlandRequest& request_;
-  v1::ProbeFlatlandResponse& response_;
+  std::unique_ptr<FlatlandWork> work_;
   Scheduler& scheduler_;
   std::shared_ptr<FlatlandCall> self_;  ///< gRPC's hold
 
-  // Written by `begin`, before any other task.
-  std::optional<flatland::Model> model_;
-  std::vector<Vec2d> points_;
-  size_t points_per_task_ = 1;
-  std::vector<flatland::Estimate> estimates_;  ///< each written by one task
-
   std::mutex mutex_;  ///< never held while the scheduler is called, which calls `take`
-  size_t next_ = 0;
-  int running_ = 1;  ///< tasks, `begin` included
+  int running_ = 1;   ///< tasks, `begin` included
   bool finished_ = false;
   std::optional<grpc::Status> status_;  ///< of a failure
 };
+
+template <typename Work, typename Request, typename Response>
+grpc::ServerUnaryReactor* start(const Request& request, Response& response, TaskQueue& control,
+                                Scheduler& scheduler) {
+  const auto call = std::make_shared<FlatlandCall>(std::make_unique<Work>(request, response), scheduler);
+  call->start(control);
+  return call.get();
+}
 
 }  // namespace
 
 grpc::ServerUnaryReactor* start_flatland_call(const v1::ProbeFlatlandRequest& request,
                                               v1::ProbeFlatlandResponse& response, TaskQueue& control,
                                               Scheduler& scheduler) {
-  const auto call = std::make_shared<FlatlandCall>(request, response, scheduler);
-  call->start(control);
-  return call.get();
+  return start<ProbeWork>(request, response, control, scheduler);
+}
+
+grpc::ServerUnaryReactor* start_flatland_call(const v1::FillFlatlandCacheRequest& request,
+                                              v1::FillFlatlandCacheResponse& response, TaskQueue& control,
+                                              Scheduler& scheduler) {
+  return start<FillWork>(request, response, control, scheduler);
 }
 
 }  // namespace fogbank::service

@@ -1,4 +1,4 @@
-// One ProbeFlatland call.
+// The calls of FlatlandService.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -9,9 +9,12 @@
 
 namespace fogbank::service {
 
-/// A reactor that deletes itself when the call is done. `control` checks the request, `scheduler` computes.
+/// Reactors that delete themselves when the call is done. `control` checks the request, `scheduler` computes.
 grpc::ServerUnaryReactor* start_flatland_call(const v1::ProbeFlatlandRequest& request,
                                               v1::ProbeFlatlandResponse& response, TaskQueue& control,
+                                              Scheduler& scheduler);
+grpc::ServerUnaryReactor* start_flatland_call(const v1::FillFlatlandCacheRequest& request,
+                                              v1::FillFlatlandCacheResponse& response, TaskQueue& control,
                                               Scheduler& scheduler);
 
 }  // namespace fogbank::service

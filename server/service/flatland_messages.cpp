@@ -108,11 +108,11 @@ RpcError with_field(const Error& error, const char* prefix) {
 
 }  // namespace
 
-flatland::Model to_model(const v1::ProbeFlatlandRequest& request) {
-  const flatland::SceneDescription scene = to_engine(request.scene());
-  const flatland::Settings settings = to_engine(request.settings());
+flatland::Model to_model(const v1::FlatlandScene& scene, const v1::FlatlandSettings& settings) {
+  const flatland::SceneDescription description = to_engine(scene);
+  const flatland::Settings effective = to_engine(settings);
   try {
-    return {scene, settings};
+    return {description, effective};
   } catch (const Error& error) {
     if (error.reason() == "INVALID_SCENE") throw with_field(error, "scene.");
     if (error.reason() == "INVALID_SETTINGS") throw with_field(error, "settings.");
@@ -120,24 +120,24 @@ flatland::Model to_model(const v1::ProbeFlatlandRequest& request) {
   }
 }
 
-std::vector<Vec2d> to_points(const v1::ProbeFlatlandRequest& request, const flatland::Scene& scene) {
-  const int size = request.coordinates_size();
+std::vector<Vec2d> to_points(const google::protobuf::RepeatedField<double>& coordinates,
+                             const flatland::Scene& scene, int64_t most, const char* limit) {
+  const int count = coordinates.size() / 2;
   const auto refuse = [](int point, const std::string& why) {
     const std::string field = "points[" + std::to_string(point) + "]";
     throw RpcError(grpc::StatusCode::INVALID_ARGUMENT, "INVALID_POINT", field + ": " + why,
                    {{"field", field}});
   };
-  if (size > 2 * limits::max_flatland_points) {
+  if (coordinates.size() > 2 * most) {
     throw RpcError(grpc::StatusCode::RESOURCE_EXHAUSTED, "TOO_MANY_POINTS",
-                   std::to_string(size / 2) + " points; at most " +
-                       std::to_string(limits::max_flatland_points) + " are allowed",
-                   {{"limit", "max_flatland_points"}});
+                   std::to_string(count) + " points; at most " + std::to_string(most) + " are allowed",
+                   {{"limit", limit}});
   }
-  if (size % 2 != 0) refuse(size / 2, "needs x and y");
+  if (coordinates.size() % 2 != 0) refuse(count, "needs x and y");
   std::vector<Vec2d> points;
-  points.reserve(static_cast<size_t>(size / 2));
-  for (int i = 0; i < size / 2; ++i) {
-    const Vec2d& x = points.emplace_back(request.coordinates(2 * i), request.coordinates(2 * i + 1));
+  points.reserve(static_cast<size_t>(count));
+  for (int i = 0; i < count; ++i) {
+    const Vec2d& x = points.emplace_back(coordinates[2 * i], coordinates[2 * i + 1]);
     try {
       scene.check_point(x);
     } catch (const Error& error) {
@@ -147,9 +147,7 @@ std::vector<Vec2d> to_points(const v1::ProbeFlatlandRequest& request, const flat
   return points;
 }
 
-void set_response(v1::ProbeFlatlandResponse& response, const flatland::Settings& settings,
-                  std::span<const flatland::Estimate> estimates) {
-  v1::FlatlandSettings& effective = *response.mutable_settings();
+void set_effective(v1::FlatlandSettings& effective, const flatland::Settings& settings) {
   effective.set_method(to_message(settings.method));
   effective.set_order(to_message(settings.order));
   effective.set_samples(settings.samples);
@@ -161,6 +159,9 @@ void set_response(v1::ProbeFlatlandResponse& response, const flatland::Settings&
   effective.set_subtract(settings.subtract);
   effective.set_obliquity(settings.obliquity);
   effective.set_march_step(settings.march_step);
+}
+
+void set_response(v1::ProbeFlatlandResponse& response, std::span<const flatland::Estimate> estimates) {
   for (const flatland::Estimate& estimate : estimates) {
     response.add_radiance(estimate.mean.value);
     response.add_gradient(estimate.mean.gradient.x);

@@ -17,6 +17,12 @@ class FlatlandServiceImplementation final : public v1::FlatlandService::Callback
     return start_flatland_call(*request, *response, control_, scheduler_);
   }
 
+  grpc::ServerUnaryReactor* FillFlatlandCache(grpc::CallbackServerContext* /*context*/,
+                                              const v1::FillFlatlandCacheRequest* request,
+                                              v1::FillFlatlandCacheResponse* response) override {
+    return start_flatland_call(*request, *response, control_, scheduler_);
+  }
+
  private:
   TaskQueue& control_;
   Scheduler& scheduler_;

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <span>
 
+#include "cache/flatland/fill.h"
 #include "derivatives/estimator.h"
 #include "derivatives/flatland/model.h"
 #include "render/render_job.h"
@@ -56,6 +57,8 @@ inline constexpr double probe_stall_seconds = 600;
 
 // Points of the two-dimensional model.
 inline constexpr int64_t max_flatland_points = 4096;
+inline constexpr int64_t max_flatland_cache_points = 256 * 256;
+inline constexpr int64_t max_flatland_records = cache::flatland::largest_record_count;
 inline constexpr int64_t max_flatland_segments = derivatives::flatland::largest_segment_count;
 inline constexpr int64_t min_flatland_samples = derivatives::flatland::smallest_sample_count;
 inline constexpr int64_t max_flatland_samples = derivatives::flatland::largest_sample_count;

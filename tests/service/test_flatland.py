@@ -148,6 +148,79 @@ def test_exact_multiple_scattering_of_many_segments_is_refused(server: Server) -
     assert error_info(caught.value).reason == "TOO_MANY_CREASES"
 
 
+def fill_request(**changes: object) -> messages.FillFlatlandCacheRequest:
+    """A small fill; `changes` are of its cache settings."""
+    x, y = np.meshgrid((np.arange(16) + 0.5003) / 16, (np.arange(16) + 0.5003) / 16)
+    return messages.FillFlatlandCacheRequest(
+        scene=box(),
+        settings=messages.FlatlandSettings(samples=64, order=messages.FLATLAND_ORDER_SINGLE),
+        cache=messages.FlatlandCacheSettings(**{"threshold": 1e-4, **changes}),  # type: ignore[arg-type]
+        coordinates=np.stack([x.ravel(), y.ravel()], axis=-1).ravel().tolist(),
+    )
+
+
+def test_a_fill_answers_every_point_with_all_settings_filled_in(server: Server) -> None:
+    response = server.flatland.FillFlatlandCache(fill_request())
+    assert len(response.radiance) == 256
+    count = len(response.record_coordinates) // 2
+    assert 64 <= count <= 256
+    assert len(response.record_axis) == len(response.record_semi_axes) == 2 * count
+    assert np.isfinite([*response.radiance, *response.record_axis, *response.record_semi_axes]).all()
+    for settings in (response.settings, response.cache):
+        assert {field.name for field, _ in settings.ListFields()} == set(settings.DESCRIPTOR.fields_by_name) - {"seed"}
+    again = fill_request()
+    again.cache.CopyFrom(response.cache)
+    again.settings.CopyFrom(response.settings)
+    assert server.flatland.FillFlatlandCache(again) == response
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [
+        ({"threshold": 0}, "cache.threshold"),
+        ({"threshold": float("nan")}, "cache.threshold"),
+        ({"metric": 9}, "cache.metric"),
+        ({"shape": 9}, "cache.shape"),
+        ({"maximum_anisotropy": 0.5}, "cache.maximum_anisotropy"),
+        ({"maximum_radius": 0}, "cache.maximum_radius"),
+        ({"minimum_radius": -1}, "cache.minimum_radius"),
+        ({"pilot": 0}, "cache.pilot"),
+        ({"pilot": 257}, "cache.pilot"),
+    ],
+)
+def test_refusals_of_a_fill_name_the_field(server: Server, changes: dict[str, object], field: str) -> None:
+    with pytest.raises(grpc.RpcError) as caught:
+        server.flatland.FillFlatlandCache(fill_request(**changes))
+    assert caught.value.code() == grpc.StatusCode.INVALID_ARGUMENT
+    info = error_info(caught.value)
+    assert info.reason == "INVALID_SETTINGS"
+    assert info.metadata["field"] == field
+
+
+def test_fills_end_at_their_limits(server: Server) -> None:
+    crowd = fill_request()
+    crowd.coordinates.extend([0.5] * (2 * int(server.limit("max_flatland_cache_points"))))
+    nothing = fill_request()
+    del nothing.coordinates[:]
+    for bad, code, reason in (
+        (crowd, grpc.StatusCode.RESOURCE_EXHAUSTED, "TOO_MANY_POINTS"),
+        (nothing, grpc.StatusCode.INVALID_ARGUMENT, "INVALID_POINT"),
+    ):
+        with pytest.raises(grpc.RpcError) as caught:
+            server.flatland.FillFlatlandCache(bad)
+        assert caught.value.code() == code
+        assert error_info(caught.value).reason == reason
+
+
+def test_a_cancelled_fill_frees_its_thread(own_server: Server) -> None:
+    long = fill_request()
+    long.settings.samples = 65536
+    call = own_server.flatland.FillFlatlandCache.future(long)
+    wait_for_busy_threads(own_server, 1)
+    call.cancel()
+    wait_for_busy_threads(own_server, 0)
+
+
 def wait_for_busy_threads(server: Server, count: int) -> None:
     """Returns when so many threads compute."""
     end = time.monotonic() + PATIENCE_SECONDS

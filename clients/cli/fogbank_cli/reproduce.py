@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import click
 
+from fogbank_cli.figures.cache2d import cache2d
 from fogbank_cli.figures.gradients import gradients
 
-FIGURES: tuple[click.Command, ...] = (gradients,)
+FIGURES: tuple[click.Command, ...] = (gradients, cache2d)
 
 
 @click.group()

@@ -39,6 +39,7 @@ from fogbank.errors import (
     UnsupportedError,
 )
 from fogbank.flatland import FlatlandEstimates, FlatlandOptions, FlatlandScene
+from fogbank.flatland_cache import FlatlandCache, FlatlandExtents
 from fogbank.image import Image, to_srgb
 from fogbank.job import Job, JobEvent, JobState, Progress, RenderStatistics
 from fogbank.pixels import Tile, place
@@ -59,7 +60,9 @@ __all__ = [
     "DataLossError",
     "DeadlineExceededError",
     "FailedPreconditionError",
+    "FlatlandCache",
     "FlatlandEstimates",
+    "FlatlandExtents",
     "FlatlandOptions",
     "FlatlandScene",
     "FogbankError",

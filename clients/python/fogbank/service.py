@@ -12,7 +12,7 @@ from typing import Self, Unpack
 
 from numpy.typing import ArrayLike
 
-from fogbank import flatland
+from fogbank import flatland, flatland_cache
 from fogbank._generated.v1 import render_pb2, scene_pb2, server_pb2
 from fogbank.capabilities import Capabilities, ServerStatus
 from fogbank.channel import Connection
@@ -214,6 +214,32 @@ class Service:
             options: everything else that flatland.proto lists as a setting.
         """
         return flatland.probe(self._connection, scene, points, method=method, order=order, **options)
+
+    def fill_flatland_cache(
+        self,
+        scene: flatland.FlatlandScene,
+        points: ArrayLike,
+        threshold: float,
+        extents: flatland_cache.FlatlandExtents | None = None,
+        *,
+        method: flatland.Method = "aware",
+        order: flatland.Order = "single",
+        **options: Unpack[flatland.FlatlandOptions],
+    ) -> flatland_cache.FlatlandCache:
+        """Fills a radiance cache of the two-dimensional model until it reaches all points, and looks them up.
+
+        Args:
+            scene: as for `probe_flatland`.
+            points: (n, 2) in the order in which they ask for records, inside the scene's box and off its surfaces.
+            threshold: error to keep to, in the unit of the metric; > 0.
+            extents: how far records are valid.
+            method: how records are computed.
+            order: of scattering, as for `probe_flatland`.
+            options: as for `probe_flatland`.
+        """
+        return flatland_cache.fill(
+            self._connection, scene, points, threshold, extents or {}, method=method, order=order, **options
+        )
 
     def _create_scene(self, request: scene_pb2.CreateSceneRequest) -> Scene:
         request.request_id = uuid.uuid4().hex

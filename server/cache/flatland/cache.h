@@ -18,7 +18,7 @@ class Cache {
   Cache(const Settings& settings, double radiance_floor)
       : settings_(settings), radiance_floor_(radiance_floor) {}
 
-  /// Adds a record at a place that has none. Linear in the records.
+  /// Linear in the records.
   void add(Record record);
 
   /// Blend of the records that reach the point, weights w = 3 d^2 - 2 d^3 with d = 1 - sqrt(dx^T Q dx)

@@ -23,7 +23,7 @@ Record make_record(const derivatives::flatland::Model& model, const Vec2d& x);
 /// last all points are looked up. A pure function of model, settings and points.
 class Fill {
  public:
-  /// 1 <= pilot <= points.size(); the points are different ones of the scene. Throws as validate() does.
+  /// 1 <= pilot <= points.size(); all points pass Scene::check_point(). Throws as validate() does.
   Fill(std::shared_ptr<const derivatives::flatland::Model> model, const Settings& settings,
        std::vector<Vec2d> points, size_t pilot);
 

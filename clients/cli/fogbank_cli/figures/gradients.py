@@ -8,10 +8,8 @@ import click
 from fogbank.flatland import read_scene
 
 from fogbank_cli.figures.gradient_errors import EXPERIMENTS, ErrorRow, markdown, measure_errors, write_csv
+from fogbank_cli.figures.scenes import FLATLAND
 from fogbank_cli.session import Session, json_option, pass_session
-
-# clients/cli/fogbank_cli/figures/gradients.py -> the checkout's scenes; a wheel has none, and --scene is needed.
-_SCENES = Path(__file__).resolve().parents[4] / "scenes" / "flatland"
 
 
 @click.command()
@@ -71,7 +69,7 @@ def gradients(
         raise click.UsageError(f"{error.name} is not installed; it comes with pip install 'fogbank[figures]'") from None
     output = session.output
     experiment = EXPERIMENTS[order]
-    scene_path = path or _SCENES / experiment.scene_file
+    scene_path = path or FLATLAND / experiment.scene_file
     scene = read_scene(scene_path)
     picture_samples = samples or experiment.samples
     folder.mkdir(parents=True, exist_ok=True)
