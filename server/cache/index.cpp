@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <bit>
 
-#include "cache/eigen.h"
 #include "cache/extents.h"
 
 namespace fogbank::cache {
@@ -209,9 +208,7 @@ std::vector<Contribution> Index::contributions(const Vec3f& point) const {
       Sums sums;
       add(PointBundle(std::span(&point, 1)), place, sums);
       if (!(sums.weight[0] > 0)) continue;
-      const Eigensystem<3> system = eigen_decomposition(tree_.inverse_root(place));
-      const double largest = std::max({system.values[0], system.values[1], system.values[2]});
-      result.push_back({place, sums.weight[0], static_cast<float>(1 / largest)});
+      result.push_back({place, sums.weight[0], radius(place)});
     }
   });
   return result;

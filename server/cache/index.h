@@ -24,7 +24,7 @@ struct Interpolation {
 struct Contribution {
   uint32_t place = 0;  ///< of the component, as RecordSet::place counts them
   float weight = 0;    ///< > 0
-  float shortest = 0;  ///< semi-axis of its extent, scene units
+  float radius = 0;    ///< harmonic mean of the semi-axes of its extent, scene units
 };
 
 /// Records of one component for one threshold. Immutable: look-ups take no lock.

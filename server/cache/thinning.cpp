@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <map>
 #include <unordered_map>
 
+#include "cache/metric.h"
 #include "core/random.h"
 
 namespace fogbank::cache {
@@ -15,33 +17,35 @@ bool similar(const Wish& a, const Wish& b) {
   return a.normal == Vec3f(0) ? b.normal == Vec3f(0) : glm::dot(a.normal, b.normal) >= similar_normals;
 }
 
-/// Places by cell of a regular grid, of the size of the longest distance that is ever asked for.
-class Neighbourhood {
+/// Granted wishes of one component in regular grids, one for each power of two of spacings, whose cells are
+/// as wide as the longest spacing in them: who may forbid a place lies in the cells around it.
+class Granted {
  public:
-  explicit Neighbourhood(float reach) : reach_(reach) {}
+  void add(const SpacedWish& wish) {
+    const int level = std::ilogb(wish.spacing);
+    grids_[level][key(cell(wish.wish.position, level))].push_back(wish);
+  }
 
-  void add(const Wish& wish) { cells_[key(cell(wish.position))].push_back(wish); }
-
-  /// Distance to the nearest similar place; reach at most.
-  float nearest(const Wish& wish) const {
-    float nearest2 = reach_ * reach_;
-    const glm::ivec3 middle = cell(wish.position);
-    for (int dz = -1; dz <= 1; ++dz)
-      for (int dy = -1; dy <= 1; ++dy)
-        for (int dx = -1; dx <= 1; ++dx) {
-          const auto found = cells_.find(key(middle + glm::ivec3(dx, dy, dz)));
-          if (found == cells_.end()) continue;
-          for (const Wish& other : found->second) {
-            const Vec3f offset = other.position - wish.position;
-            const float distance2 = glm::dot(offset, offset);
-            if (distance2 < nearest2 && similar(wish, other)) nearest2 = distance2;
-          }
-        }
-    return std::sqrt(nearest2);
+  bool forbids(const Wish& wish) const {
+    for (const auto& [level, cells] : grids_) {
+      const glm::ivec3 middle = cell(wish.position, level);
+      for (int neighbour = 0; neighbour < 27; ++neighbour) {
+        const glm::ivec3 offset(neighbour % 3 - 1, neighbour / 3 % 3 - 1, neighbour / 9 - 1);
+        const auto found = cells.find(key(middle + offset));
+        if (found == cells.end()) continue;
+        for (const SpacedWish& other : found->second)
+          if (glm::distance(other.wish.position, wish.position) < other.spacing && similar(other.wish, wish))
+            return true;
+      }
+    }
+    return false;
   }
 
  private:
-  glm::ivec3 cell(const Vec3f& position) const { return glm::ivec3(glm::floor(position / reach_)); }
+  static glm::ivec3 cell(const Vec3f& position, int level) {
+    return glm::ivec3(glm::floor(position * std::ldexp(1.0f, -level - 1)));
+  }
+  /// Cells that share a key are only searched together.
   static uint64_t key(const glm::ivec3& cell) {
     const auto bits = [](int32_t value) {
       return static_cast<uint64_t>(static_cast<uint32_t>(value)) & 0x1fffff;
@@ -49,21 +53,19 @@ class Neighbourhood {
     return bits(cell.x) | bits(cell.y) << 21 | bits(cell.z) << 42;
   }
 
-  float reach_;
-  std::unordered_map<uint64_t, std::vector<Wish>> cells_;
+  std::map<int, std::unordered_map<uint64_t, std::vector<SpacedWish>>> grids_;
 };
 
 }  // namespace
 
-std::vector<uint32_t> thin(std::span<const Wish> wishes, std::span<const Wish> existing,
-                           float greatest_spacing, uint64_t seed, size_t most) {
+std::vector<uint32_t> thin(std::span<const SpacedWish> wishes, uint64_t seed, size_t most) {
   struct Ranked {
     uint64_t rank;
     uint32_t wish;
   };
   std::vector<Ranked> order(wishes.size());
   for (uint32_t i = 0; i < wishes.size(); ++i) {
-    const Vec3f& p = wishes[i].position;
+    const Vec3f& p = wishes[i].wish.position;
     const auto bits = philox4x32(
         {std::bit_cast<uint32_t>(p.x), std::bit_cast<uint32_t>(p.y), std::bit_cast<uint32_t>(p.z), 0},
         {static_cast<uint32_t>(seed), static_cast<uint32_t>(seed >> 32)});
@@ -72,15 +74,14 @@ std::vector<uint32_t> thin(std::span<const Wish> wishes, std::span<const Wish> e
   std::ranges::sort(order, [](const Ranked& a, const Ranked& b) {
     return a.rank != b.rank ? a.rank < b.rank : a.wish < b.wish;
   });
-  Neighbourhood before(greatest_spacing);
-  for (const Wish& wish : existing) before.add(wish);
-  Neighbourhood granted(greatest_spacing);
+  std::map<Component, Granted> granted;
   std::vector<uint32_t> result;
   for (const Ranked& ranked : order) {
     if (result.size() >= most) break;
-    const Wish& wish = wishes[ranked.wish];
-    if (granted.nearest(wish) < before.nearest(wish)) continue;
-    granted.add(wish);
+    const SpacedWish& wish = wishes[ranked.wish];
+    Granted& before = granted[wish.wish.component];
+    if (before.forbids(wish.wish)) continue;
+    before.add(wish);
     result.push_back(ranked.wish);
   }
   std::ranges::sort(result);

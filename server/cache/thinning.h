@@ -9,11 +9,17 @@
 
 namespace fogbank::cache {
 
-/// Numbers of the wishes, all of one component, to be granted, ascending: greedily in the order of a hash of
-/// the position, each unless one granted before is nearer than the nearest of `existing` is, or than
-/// `greatest_spacing`. So the spacing halves from round to round where look-ups keep missing, and the result
-/// depends on the wishes as a set, not on their order. `seed` selects the hash. At most `most` are granted.
-std::vector<uint32_t> thin(std::span<const Wish> wishes, std::span<const Wish> existing,
-                           float greatest_spacing, uint64_t seed, size_t most);
+/// A wish and the distance within which no other record of the round is needed: what its extent is thought to
+/// be, somewhat less. > 0.
+struct SpacedWish {
+  Wish wish;
+  float spacing = 0;
+};
+
+/// Numbers of the wishes to be granted, ascending: greedily in the order of a hash of the position, each
+/// unless one of the same component (and a similar normal) granted before is nearer than that one's spacing.
+/// So every wish that is refused has a granted one in reach, and the result depends on the wishes as a set,
+/// not on their order. `seed` selects the hash. At most `most` are granted.
+std::vector<uint32_t> thin(std::span<const SpacedWish> wishes, uint64_t seed, size_t most);
 
 }  // namespace fogbank::cache

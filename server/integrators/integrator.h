@@ -51,7 +51,7 @@ struct PixelSample {
 /// What the cache says along a camera ray, for AOVs and error estimates; means over the look-ups, weighted by
 /// what each contributes to the pixel.
 struct CacheView {
-  float radius = 0;          ///< shortest semi-axis of the extents, scene units
+  float radius = 0;          ///< harmonic mean of the semi-axes of extents, scene units
   float record_density = 0;  ///< records that count per look-up
   float rejected = 0;        ///< records that a surface hides (guard 4) per look-up
   float variance = 0;        ///< of the pixel's luminance, from the records' own

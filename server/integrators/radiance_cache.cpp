@@ -19,11 +19,53 @@ using transport::ShadingPoint;
 
 namespace {
 
-/// Look-ups along a camera ray.
-constexpr int32_t cached_samples = 2;
 /// As the path tracer's (path_tracer.cpp).
 constexpr float most_survival = 0.999f;
 constexpr int32_t most_null_events = 1024;
+/// Records lie in a ball about the scene, of its radius times this: fog without bounds is endless. Beyond,
+/// light comes by paths.
+constexpr float domain_scale = 1.5f;
+/// Less of a segment's light than this comes from outside of the ball: not worth a path.
+constexpr float negligible = 1e-6f;
+
+/// Channels weighted by throughput; equal where there is none.
+Vec3f channel_weights(const Spectrum& throughput) {
+  const float sum = throughput.x + throughput.y + throughput.z;
+  return sum > 0 ? throughput / sum : Vec3f(1.0f / 3);
+}
+
+/// A place between two distances, drawn by transmittance: one channel's, chosen by weight; expected weight as
+/// the light's that is scattered there.
+MarchSample sample_distance(const MediumSegment& segment, float first, float last, RandomStream& random) {
+  const MediumInfo& medium = *segment.medium;
+  const float u_channel = random.next_float();
+  const float u = random.next_float();
+  const Vec3f& weights = segment.channel_weights;
+  const int chosen = u_channel < weights.x ? 0 : u_channel < weights.x + weights.y ? 1 : 2;
+  const auto share = [&](int channel) { return -std::expm1(-medium.sigma_t[channel] * (last - first)); };
+  if (!(share(chosen) > 0)) return {};
+  const float along = -std::log1p(-u * share(chosen)) / medium.sigma_t[chosen];
+  float pdf = 0;
+  for (int channel = 0; channel < 3; ++channel) {
+    const float sigma = medium.sigma_t[channel];
+    if (share(channel) > 0) pdf += weights[channel] * sigma * std::exp(-sigma * along) / share(channel);
+  }
+  if (!(pdf > 0)) return {};
+  const float t = std::fmin(first + along, last);
+  return {t, medium.sigma_s * transport::transmittance(medium.sigma_t, t) / pdf};
+}
+
+/// Where [0, segment.length] is inside the ball; an empty range where it misses it.
+std::pair<float, float> inside_ball(const MediumSegment& segment, const scene::BoundingSphere& ball,
+                                    float scale) {
+  const Vec3f to_center = ball.center - segment.origin;
+  const float middle = glm::dot(to_center, segment.direction);
+  const Vec3f offset = to_center - segment.direction * middle;
+  const float half = safe_sqrt(sqr(scale * ball.radius) - glm::dot(offset, offset));
+  const float first = std::fmax(middle - half, 0.0f);
+  const float last = std::fmin(middle + half, segment.length);
+  return first < last ? std::pair(first, last) : std::pair(0.0f, 0.0f);
+}
 
 }  // namespace
 
@@ -40,7 +82,8 @@ struct RadianceCacheIntegrator::Walk {
   int32_t null_events = 0;  ///< surfaces passed straight on
   Vec3f last_position{0};
   transport::LightReceiver last_receiver;
-  std::vector<cache::Wish>* uncovered = nullptr;
+  LookUpObserver* observer = nullptr;
+  bool straight = true;  ///< no random direction so far but of mirrors and glass
 };
 
 RadianceCacheIntegrator::RadianceCacheIntegrator(std::shared_ptr<const transport::World> world,
@@ -50,11 +93,24 @@ RadianceCacheIntegrator::RadianceCacheIntegrator(std::shared_ptr<const transport
       kernel_(world_, {settings.max_depth, settings.rr_depth, settings.hide_emitters}),
       single_scattering_(world_),
       cache_(settings.cache ? settings.cache : std::make_shared<cache::SceneCache>()),
-      records_at_start_(cache_->records()->size()) {}
+      records_at_start_(cache_->records()->size()),
+      pilot_(world_) {}
 
-void RadianceCacheIntegrator::publish(std::shared_ptr<const cache::Epoch> epoch, uint64_t records_new) {
-  epoch_ = std::move(epoch);
+void RadianceCacheIntegrator::publish(PublishedCache published, uint64_t records_new) {
+  published_ = std::move(published);
   records_new_ += records_new;
+}
+
+bool RadianceCacheIntegrator::is_cached(const MediumInfo& medium) {
+  return medium.phase.is_isotropic() && !is_black(medium.sigma_s);
+}
+
+cache::Component RadianceCacheIntegrator::medium_component(const Walk& walk) const {
+  return {walk.medium, 0, published_.generation, cache::Quantity::rest};
+}
+
+const cache::Index* RadianceCacheIntegrator::find(const cache::Component& component) const {
+  return published_.epoch ? published_.epoch->find(component) : nullptr;
 }
 
 CacheCounts RadianceCacheIntegrator::cache_counts() const {
@@ -90,42 +146,131 @@ Spectrum RadianceCacheIntegrator::emission(const Walk& walk, const scene::Surfac
   return light == SceneLights::no_light ? Spectrum(0) : weighted(light);
 }
 
+Spectrum RadianceCacheIntegrator::scattered_path(const Walk& walk, const MediumInfo& medium,
+                                                 const Vec3f& position, const Vec3f& direction,
+                                                 RandomStream& random, RayCounters& counters) const {
+  // Radiance from a direction that the phase function drew has a weight of 1.
+  const transport::PhaseSample sample = medium.phase.sample(direction, random.next_vec2());
+  scene::Hit hit;
+  return kernel_.arriving_radiance({position, sample.direction, infinity}, walk.medium, walk.depth + 1,
+                                   random, counters, &hit);
+}
+
 PixelSample RadianceCacheIntegrator::from_medium(const Walk& walk, const MediumSegment& segment,
                                                  RandomStream& random, RayCounters& counters) const {
   const MediumInfo& medium = *segment.medium;
   PixelSample sum;
-  if (walk.uncovered == nullptr)
-    sum = single_scattering_.sample(segment, walk.medium, epoch_.get(), random, counters);
-  else
-    single_scattering_.find_uncovered(segment, walk.medium, epoch_.get(), *walk.uncovered);
+  if (walk.observer == nullptr)
+    sum = single_scattering_.sample(segment, walk.medium, published_.epoch.get(), random, counters);
   // One scattering event more than for direct light.
   if (settings_.max_depth >= 0 && walk.depth + 2 >= settings_.max_depth) return sum;
-  const cache::Component component{walk.medium, 0, 0, cache::Quantity::rest};
-  const cache::Index* index = epoch_ ? epoch_->find(component) : nullptr;
-  const float sigma = medium.mean_sigma_t;
-  const float share = std::isfinite(segment.length) ? -std::expm1(-sigma * segment.length) : 1.0f;
-  if (!(share > 0)) return sum;
-  for (int32_t i = 0; i < cached_samples; ++i) {
-    // By transmittance of the mean extinction, in strata.
-    const float u = (static_cast<float>(i) + random.next_float()) / static_cast<float>(cached_samples);
-    const float t = std::fmin(-std::log1p(-u * share) / sigma, segment.length);
-    const float pdf = sigma * std::exp(-sigma * t) / share;
-    const Vec3f position = segment.origin + segment.direction * t;
-    const Spectrum weight = medium.sigma_s * transport::transmittance(medium.sigma_t, t) /
-                            (pdf * static_cast<float>(cached_samples));
-    const cache::Interpolation found = index != nullptr ? index->look_up(position) : cache::Interpolation{};
-    if (found.weight > 0) {
-      sum.cached += weight * found.radiance;
-    } else if (walk.uncovered != nullptr) {
-      walk.uncovered->push_back({position, Vec3f(0), component});
-    } else {
-      scene::Hit hit;
-      sum.cached += weight * kernel_.arriving_radiance(
-                                 {position, square_to_uniform_sphere(random.next_vec2()), infinity},
-                                 walk.medium, walk.depth + 1, random, counters, &hit);
-    }
+  if (!is_cached(medium)) {
+    if (walk.observer == nullptr) sum.sampled += from_beyond(walk, segment, 0, 0, random, counters);
+    return sum;
+  }
+  if (!walk.straight) {
+    const PixelSample more = from_random_place(walk, segment, random, counters);
+    sum.sampled += more.sampled;
+    sum.cached += more.cached;
+    return sum;
+  }
+  const auto [first, last] = inside_ball(segment, world_->scene().bounds, domain_scale);
+  const float widest_step = published_.typical_radius > 0 ? published_.typical_radius : 1e30f;
+  const CameraMarch march(segment, first, last, find(medium_component(walk)), widest_step);
+  if (walk.observer != nullptr) {
+    report(walk, segment, march);
+  } else {
+    sum.cached += from_records(walk, segment, march, random, counters);
+    if (first > 0 || last < segment.length)
+      sum.sampled += from_beyond(walk, segment, first, last, random, counters);
   }
   return sum;
+}
+
+Spectrum RadianceCacheIntegrator::from_records(const Walk& walk, const MediumSegment& segment,
+                                               const CameraMarch& march, RandomStream& random,
+                                               RayCounters& counters) const {
+  Spectrum sum(0);
+  float uncovered = 0;
+  for (const MarchNode& node : march.nodes()) {
+    sum += node.weight * node.found.radiance;
+    if (node.found.weight == 0) uncovered += mean(node.weight);
+  }
+  if (!(uncovered > 0)) return sum;
+  // One of the places that no record reaches, by weight.
+  float target = random.next_float() * uncovered;
+  size_t chosen = 0;
+  for (size_t i = 0; i < march.nodes().size(); ++i) {
+    const MarchNode& node = march.nodes()[i];
+    if (node.found.weight > 0 || !(mean(node.weight) > 0)) continue;
+    chosen = i;
+    target -= mean(node.weight);
+    if (target < 0) break;
+  }
+  const float probability = mean(march.nodes()[chosen].weight) / uncovered;
+  const MarchSample place = march.sample_around(chosen, random);
+  return sum + place.weight / probability *
+                   scattered_path(walk, *segment.medium, segment.origin + segment.direction * place.t,
+                                  segment.direction, random, counters);
+}
+
+PixelSample RadianceCacheIntegrator::from_random_place(const Walk& walk, const MediumSegment& segment,
+                                                       RandomStream& random, RayCounters& counters) const {
+  const MarchSample place = sample_distance(segment, 0, segment.length, random);
+  if (is_black(place.weight)) return {};
+  const Vec3f position = segment.origin + segment.direction * place.t;
+  const cache::Index* index = find(medium_component(walk));
+  const cache::Interpolation found = index != nullptr ? index->look_up(position) : cache::Interpolation{};
+  if (found.weight > 0) return {.cached = place.weight * found.radiance};
+  return {.cached = place.weight *
+                    scattered_path(walk, *segment.medium, position, segment.direction, random, counters)};
+}
+
+Spectrum RadianceCacheIntegrator::from_beyond(const Walk& walk, const MediumSegment& segment, float first,
+                                              float last, RandomStream& random, RayCounters& counters) const {
+  const float sigma = segment.medium->mean_sigma_t;
+  const auto through = [&](float t) { return std::exp(-sigma * t); };  // of infinity: 0
+  const float before = 1 - through(first);
+  const float share = before + through(last) - through(segment.length);
+  if (!(share > negligible)) return Spectrum(0);
+  const bool is_before = random.next_float() * share < before;
+  const MarchSample place = is_before ? sample_distance(segment, 0, first, random)
+                                      : sample_distance(segment, last, segment.length, random);
+  const float probability = (is_before ? before : share - before) / share;
+  if (is_black(place.weight)) return Spectrum(0);
+  return place.weight / probability *
+         scattered_path(walk, *segment.medium, segment.origin + segment.direction * place.t,
+                        segment.direction, random, counters);
+}
+
+void RadianceCacheIntegrator::report(const Walk& walk, const MediumSegment& segment,
+                                     const CameraMarch& march) const {
+  const std::span<const MarchNode> nodes = march.nodes();
+  // Least sum of a record's radius and the way to it, from either side.
+  std::array<float, CameraMarch::most_nodes> reach;
+  float least = infinity;
+  const auto step = [&](size_t i, size_t before) {
+    least += std::fabs(nodes[i].t - nodes[before].t);
+    if (nodes[i].found.weight > 0) least = std::fmin(least, nodes[i].found.radius);
+  };
+  for (size_t i = 0; i < nodes.size(); ++i) {
+    step(i, i > 0 ? i - 1 : i);
+    reach[i] = least;
+  }
+  least = infinity;
+  for (size_t i = nodes.size(); i-- > 0;) {
+    step(i, i + 1 < nodes.size() ? i + 1 : i);
+    reach[i] = std::fmin(reach[i], least);
+  }
+  const cache::Component component = medium_component(walk);
+  for (size_t i = 0; i < nodes.size(); ++i)
+    walk.observer->look_up({{segment.origin + segment.direction * nodes[i].t, Vec3f(0), component},
+                            nodes[i].found,
+                            walk.throughput * nodes[i].weight,
+                            segment.direction,
+                            nodes[i].t,
+                            segment.length - nodes[i].t,
+                            reach[i]});
 }
 
 Spectrum RadianceCacheIntegrator::from_surface(Walk& walk, const scene::SurfaceInteraction& surface,
@@ -134,7 +279,7 @@ Spectrum RadianceCacheIntegrator::from_surface(Walk& walk, const scene::SurfaceI
   const ShadingPoint point = transport::World::shading_point(surface);
   const Vec3f wo = point.frame.to_local(-walk.ray.direction);
   Spectrum sum(0);
-  if (may_scatter(walk) && walk.uncovered == nullptr) {
+  if (may_scatter(walk) && walk.observer == nullptr) {
     sum = transport::reflected_direct_light(*world_, surface, walk.ray.direction, walk.medium,
                                             EmissionFoundBy::light_and_path_sampling, random, counters);
   }
@@ -154,6 +299,8 @@ bool RadianceCacheIntegrator::go_on(Walk& walk, const scene::SurfaceInteraction&
     if (++walk.null_events > most_null_events) return false;
   } else {
     if (!may_scatter(walk)) return false;
+    walk.straight = walk.straight && sample->delta;
+    if (!walk.straight && walk.observer != nullptr) return false;
     direction = glm::normalize(point.frame.to_world(sample->wi));
     ++walk.depth;
     walk.sees_emission = true;
@@ -172,14 +319,14 @@ bool RadianceCacheIntegrator::go_on(Walk& walk, const scene::SurfaceInteraction&
 }
 
 PixelSample RadianceCacheIntegrator::walk_from(const Ray& ray, RandomStream& random, RayCounters& counters,
-                                               std::vector<cache::Wish>* uncovered) const {
+                                               LookUpObserver* observer) const {
   if (settings_.max_depth == 0) return {};
   const scene::Scene& scene = world_->scene();
   Walk walk;
   walk.ray = ray;
   walk.medium = scene.sensor.medium;
   walk.sees_emission = !settings_.hide_emitters;
-  walk.uncovered = uncovered;
+  walk.observer = observer;
   PixelSample radiance;
   while (!walk.ended) {
     scene::Hit hit;
@@ -188,7 +335,7 @@ PixelSample RadianceCacheIntegrator::walk_from(const Ray& ray, RandomStream& ran
     if (walk.medium != scene::none) {
       const MediumInfo& medium = world_->medium(walk.medium);
       const MediumSegment segment{walk.ray.origin, walk.ray.direction, found ? hit.distance : infinity,
-                                  &medium, Vec3f(1.0f / 3)};
+                                  &medium, channel_weights(walk.throughput)};
       if (may_scatter(walk) && !is_black(medium.sigma_s)) {
         const PixelSample scattered = from_medium(walk, segment, random, counters);
         radiance.sampled += walk.throughput * scattered.sampled;
@@ -212,6 +359,11 @@ PixelSample RadianceCacheIntegrator::walk_from(const Ray& ray, RandomStream& ran
 PixelSample RadianceCacheIntegrator::sample(const Ray& ray, RandomStream& random,
                                             RayCounters& counters) const {
   return walk_from(ray, random, counters, nullptr);
+}
+
+void RadianceCacheIntegrator::observe(const Ray& ray, RandomStream& random, RayCounters& counters,
+                                      LookUpObserver& observer) const {
+  walk_from(ray, random, counters, &observer);
 }
 
 std::unique_ptr<Preparation> RadianceCacheIntegrator::prepare(const CameraRays& camera,

@@ -5,11 +5,21 @@
 #include "cache/index.h"
 #include "cache/record_maker.h"
 #include "cache/scene_cache.h"
+#include "integrators/camera_march.h"
 #include "integrators/integrator.h"
+#include "integrators/look_up_observer.h"
+#include "integrators/radiance_cache_pilot.h"
 #include "integrators/single_scattering.h"
 #include "transport/path_tracer.h"
 
 namespace fogbank::integrators {
+
+/// What a finished preparation leaves for rendering.
+struct PublishedCache {
+  std::shared_ptr<const cache::Epoch> epoch;
+  uint8_t generation = 0;    ///< of the records that the camera looks up
+  float typical_radius = 0;  ///< of extents at the epoch's threshold, > 0: the step where no record reaches
+};
 
 class RadianceCacheIntegrator final : public Integrator {
  public:
@@ -19,22 +29,44 @@ class RadianceCacheIntegrator final : public Integrator {
   PixelSample sample(const Ray& ray, RandomStream& random, RayCounters& counters) const override;
   std::unique_ptr<Preparation> prepare(const CameraRays& camera, const CacheTarget& target) override;
   CacheCounts cache_counts() const override;
+  CacheView cache_view(const Ray& ray, RandomStream& random, RayCounters& counters) const override;
 
-  /// `uncovered`: told of every place that no record reaches; nothing is sampled then.
-  PixelSample walk_from(const Ray& ray, RandomStream& random, RayCounters& counters,
-                        std::vector<cache::Wish>* uncovered) const;
+  /// Tells `observer` of all look-ups along a camera path up to the first surface that scatters it in a
+  /// random direction; samples nothing.
+  void observe(const Ray& ray, RandomStream& random, RayCounters& counters, LookUpObserver& observer) const;
 
   std::shared_ptr<const transport::World> world() const { return world_; }
   const IntegratorSettings& settings() const { return settings_; }
   cache::SceneCache& cache() { return *cache_; }
+  CachePilot& pilot() { return pilot_; }
+  const PublishedCache& published() const { return published_; }
   /// While nothing is rendered.
-  void publish(std::shared_ptr<const cache::Epoch> epoch, uint64_t records_new);
+  void publish(PublishedCache published, uint64_t records_new);
+
+  /// Whether a record's mean radiance says what the medium scatters: in any direction alike, and something.
+  static bool is_cached(const transport::MediumInfo& medium);
 
  private:
   struct Walk;
 
+  PixelSample walk_from(const Ray& ray, RandomStream& random, RayCounters& counters,
+                        LookUpObserver* observer) const;
   PixelSample from_medium(const Walk& walk, const transport::MediumSegment& segment, RandomStream& random,
                           RayCounters& counters) const;
+  /// Light scattered more than once, in the part of the segment that lies about the scene.
+  Spectrum from_records(const Walk& walk, const transport::MediumSegment& segment, const CameraMarch& march,
+                        RandomStream& random, RayCounters& counters) const;
+  /// The same at one random place: where a segment's direction is random already.
+  PixelSample from_random_place(const Walk& walk, const transport::MediumSegment& segment,
+                                RandomStream& random, RayCounters& counters) const;
+  /// The same outside [first, last], by paths.
+  Spectrum from_beyond(const Walk& walk, const transport::MediumSegment& segment, float first, float last,
+                       RandomStream& random, RayCounters& counters) const;
+  void report(const Walk& walk, const transport::MediumSegment& segment, const CameraMarch& march) const;
+  /// Light that comes to `position` by at least one more scattering event and is scattered against
+  /// `direction`, per sigma_s: one path.
+  Spectrum scattered_path(const Walk& walk, const transport::MediumInfo& medium, const Vec3f& position,
+                          const Vec3f& direction, RandomStream& random, RayCounters& counters) const;
   Spectrum from_surface(Walk& walk, const scene::SurfaceInteraction& surface, RandomStream& random,
                         RayCounters& counters) const;
   /// Draws the path's next direction; false where it ends.
@@ -42,6 +74,8 @@ class RadianceCacheIntegrator final : public Integrator {
              const transport::ShadingPoint& point, const Vec3f& wo, RandomStream& random) const;
   Spectrum emission(const Walk& walk, const scene::SurfaceInteraction* surface) const;
   bool may_scatter(const Walk& walk) const;
+  cache::Component medium_component(const Walk& walk) const;
+  const cache::Index* find(const cache::Component& component) const;
 
   std::shared_ptr<const transport::World> world_;
   IntegratorSettings settings_;
@@ -50,7 +84,8 @@ class RadianceCacheIntegrator final : public Integrator {
   std::shared_ptr<cache::SceneCache> cache_;
   uint64_t records_at_start_ = 0;
   uint64_t records_new_ = 0;
-  std::shared_ptr<const cache::Epoch> epoch_;
+  CachePilot pilot_;
+  PublishedCache published_;
 };
 
 }  // namespace fogbank::integrators

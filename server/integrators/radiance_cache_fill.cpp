@@ -1,6 +1,9 @@
 #include "integrators/radiance_cache_fill.h"
 
 #include <algorithm>
+#include <utility>
+
+#include "scene/intersector.h"
 
 namespace fogbank::integrators {
 
@@ -8,49 +11,101 @@ namespace {
 
 constexpr int32_t first_stride = 16;
 constexpr int32_t last_stride = 2;
+constexpr int32_t last_preview_stride = 8;
 /// Rounds of making records for one stride; what is uncovered then is left to the next finer one.
-constexpr int32_t most_attempts = 4;
+constexpr int32_t most_attempts = 6;
 /// Rows of pixels that a probing task looks at, in strides.
 constexpr int32_t band_strides = 4;
 /// Stream of random numbers apart from the image's own.
 constexpr uint32_t probe_stream = 1;
 constexpr int32_t record_samples = 256;
-/// Spacing of the first records, in radii of the scene.
-constexpr float first_spacing = 0.15f;
-/// Border error of a ball of a tenth of the scene's radius is 15 eps / (4 pi R^3) = error.
-constexpr double threshold_per_error = 4 * 3.14159265358979 / 15 * 1e-3;
+/// Spacing of a round's records, in radii that they are thought to have: spheres of that radius cover what
+/// lies within the spacing with a weight of 0.05 at least.
+constexpr float spacing_share = 0.85f;
+/// A look-up of less weight counts as uncovered: right at the border of an extent the next pixel may be out.
+constexpr float least_weight = 0.02f;
+/// Look-ups whose radiance counts less than this in the pixel aren't worth a record.
+constexpr float least_importance = 1e-4f;
+/// Relative error at the border of typical extents, for a relative error of pixels of 1: errors there are the
+/// largest of an extent, and those of a ray's records partly cancel.
+constexpr double border_error_per_error = 3;
+constexpr double greatest_radius = 0.25;  ///< of the scene's (method.md section 17)
+constexpr double least_radius = 1e-4;     ///< of the scene's
+
+/// Distance that records keep from a surface ahead, in radii: on it half of the light would be missed, and
+/// derivatives grow with the nearness of what they see.
+constexpr float clearance_share = 0.2f;
+
+class UncoveredPlaces final : public LookUpObserver {
+ public:
+  explicit UncoveredPlaces(float default_reach) : default_reach_(default_reach) {}
+
+  void look_up(const LookUp& look_up) override {
+    if (look_up.found.weight >= least_weight || !(mean(look_up.weight) > least_importance)) return;
+    const float reach = std::isfinite(look_up.reach) ? look_up.reach : default_reach_;
+    cache::Wish place = look_up.place;
+    const float retreat = std::fmax(clearance_share * reach - look_up.ahead, 0.0f);
+    place.position -= look_up.direction * std::fmin(retreat, 0.5f * look_up.behind);
+    places.push_back({place, spacing_share * reach});
+  }
+
+  std::vector<cache::SpacedWish> places;
+
+ private:
+  float default_reach_;
+};
 
 }  // namespace
 
 RadianceCacheFill::RadianceCacheFill(RadianceCacheIntegrator& integrator, const CameraRays& camera,
                                      const CacheTarget& target)
     : integrator_(integrator), camera_(camera), target_(target), stride_(first_stride) {
-  const IntegratorSettings& settings = integrator.settings();
-  maker_ = cache::make_record_maker(cache::Quantity::rest, integrator.world(),
-                                    {.samples = record_samples, .max_depth = settings.max_depth});
-  publish();
+  maker_ =
+      cache::make_record_maker(cache::Quantity::rest, integrator.world(),
+                               {.samples = record_samples, .max_depth = integrator.settings().max_depth});
 }
 
-double RadianceCacheFill::fraction() const { return 1 - static_cast<double>(stride_) / first_stride; }
+double RadianceCacheFill::fraction() const {
+  return round_ == Round::done ? 1 : 1 - static_cast<double>(stride_) / first_stride;
+}
 
 uint32_t RadianceCacheFill::next_round() {
   switch (round_) {
-    case Round::none:
-      break;
+    case Round::begin:
+      if (CachePilot& pilot = integrator_.pilot(); pilot.count() > 0 && pilot.records().empty()) {
+        round_ = Round::pilot;
+        return pilot.count();
+      }
+      publish();
+      return begin_probing();
+    case Round::pilot:
+      made_ = integrator_.pilot().records();
+      publish();
+      return begin_probing();
     case Round::probing:
       grant_wishes();
-      if (!granted_.empty()) {
-        round_ = Round::computing;
-        computed_.resize(granted_.size());
+      if (!granted_.empty() && ++attempts_ <= most_attempts) {
+        round_ = Round::making;
+        made_.assign(granted_.size(), {});
         return static_cast<uint32_t>(granted_.size());
       }
-      if (!finer()) return 0;
-      break;
-    case Round::computing:
+      attempts_ = 0;
+      if (stride_ <= (target_.preview ? last_preview_stride : last_stride)) {
+        round_ = Round::done;
+        return 0;
+      }
+      stride_ /= 2;
+      return begin_probing();
+    case Round::making:
       publish();
-      if (++attempts_ >= most_attempts && !finer()) return 0;
+      return begin_probing();
+    case Round::done:
       break;
   }
+  return 0;
+}
+
+uint32_t RadianceCacheFill::begin_probing() {
   round_ = Round::probing;
   const scene::Window window = camera_.window();
   const int32_t rows = band_strides * stride_;
@@ -58,67 +113,68 @@ uint32_t RadianceCacheFill::next_round() {
   return static_cast<uint32_t>(found_.size());
 }
 
-bool RadianceCacheFill::finer() {
-  attempts_ = 0;
-  stride_ /= 2;
-  return stride_ >= last_stride;
-}
-
 void RadianceCacheFill::run(uint32_t task, RayCounters& counters) {
-  if (round_ == Round::probing) {
-    probe(task, counters);
-  } else {
-    computed_[task] = maker_->make(granted_[task], nullptr, counters);
+  scene::prepare_render_thread();
+  switch (round_) {
+    case Round::pilot:
+      integrator_.pilot().make(task, *maker_, counters);
+      break;
+    case Round::probing:
+      probe(task, counters);
+      break;
+    case Round::making:
+      made_[task] = maker_->make(granted_[task], nullptr, counters);
+      break;
+    case Round::begin:
+    case Round::done:
+      break;
   }
 }
 
 void RadianceCacheFill::probe(uint32_t band, RayCounters& counters) {
   const scene::Window window = camera_.window();
-  std::vector<cache::Wish> found;
+  UncoveredPlaces uncovered(integrator_.published().typical_radius);
   const int32_t first = static_cast<int32_t>(band) * band_strides * stride_;
   const int32_t last = std::min(first + band_strides * stride_, window.height);
   for (int32_t y = first + stride_ / 2; y < last; y += stride_) {
+    counters.poll();
     for (int32_t x = stride_ / 2; x < window.width; x += stride_) {
       const auto film_x = static_cast<uint32_t>(window.x + x);
       const auto film_y = static_cast<uint32_t>(window.y + y);
-      RandomStream random(0, film_x, film_y, static_cast<uint32_t>(stride_ * most_attempts + attempts_),
-                          probe_stream);
+      RandomStream random(0, film_x, film_y, 0, probe_stream);
       const Ray ray = camera_.sample(film_x, film_y, random);
-      integrator_.walk_from(ray, random, counters, &found);
+      integrator_.observe(ray, random, counters, uncovered);
     }
   }
-  found_[band] = std::move(found);
+  found_[band] = std::move(uncovered.places);
 }
 
 void RadianceCacheFill::grant_wishes() {
-  std::vector<cache::Wish> all;
-  for (std::vector<cache::Wish>& band : found_) std::ranges::move(band, std::back_inserter(all));
-  const float spacing = first_spacing * integrator_.world()->scene().bounds.radius;
-  const auto most = static_cast<size_t>(integrator_.settings().most_records) -
-                    static_cast<size_t>(integrator_.cache_counts().records_new);
+  std::vector<cache::SpacedWish> all;
+  for (std::vector<cache::SpacedWish>& band : found_) std::ranges::move(band, std::back_inserter(all));
+  const auto most = static_cast<uint64_t>(integrator_.settings().most_records);
+  const uint64_t made = integrator_.cache_counts().records_new;
   granted_.clear();
-  for (const uint32_t i : cache::thin(all, places_, spacing, 0, most)) granted_.push_back(all[i]);
+  if (made >= most) return;
+  for (const uint32_t i : cache::thin(all, 0, most - made)) granted_.push_back(all[i].wish);
 }
 
 void RadianceCacheFill::publish() {
-  const uint64_t made = computed_.size();
-  integrator_.cache().add(std::exchange(computed_, {}));
-  const auto records = integrator_.cache().records();
-  places_.clear();
-  double mean = 0;
-  for (size_t i = 0; i < records->size(); ++i) {
-    const cache::Record record = records->record(i);
-    places_.push_back({record.position, record.normal, record.component});
-    mean += static_cast<double>(luminance(record.radiance));
-  }
-  mean /= static_cast<double>(std::max<size_t>(records->size(), 1));
+  const uint64_t made = made_.size();
+  integrator_.cache().add(std::exchange(made_, {}));
   const auto radius = static_cast<double>(integrator_.world()->scene().bounds.radius);
   cache::MetricSettings metric;
-  metric.threshold = threshold_per_error * target_.error * radius * radius * radius;
-  metric.radiance_floor = std::fmax(0.05 * mean, 1e-30);
-  metric.maximum_radius = 0.25 * radius;
-  metric.minimum_radius = 0.005 * radius;
-  integrator_.publish(std::make_shared<const cache::Epoch>(records, metric), made);
+  metric.maximum_radius = radius > 0 ? greatest_radius * radius : 1;
+  const PilotedMetric piloted =
+      integrator_.pilot().metric(border_error_per_error * target_.error, metric.maximum_radius);
+  metric.threshold = piloted.threshold;
+  metric.radiance_floor = piloted.radiance_floor;
+  metric.minimum_radius = least_radius * radius;
+  metric.shape = integrator_.settings().spheres ? cache::Shape::sphere : cache::Shape::ellipsoid;
+  metric.footprints = {{camera_.position(), camera_.pixel_angle()}};
+  integrator_.publish({std::make_shared<const cache::Epoch>(integrator_.cache().records(), metric), 0,
+                       piloted.typical_radius},
+                      made);
 }
 
 }  // namespace fogbank::integrators

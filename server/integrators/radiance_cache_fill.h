@@ -1,6 +1,6 @@
 // Filling the cache for a camera: rounds that look for places that no record reaches, and rounds that make
 // records there. Each round sees the frozen result of the one before, so the records are a function of scene,
-// camera and settings, whatever the threads.
+// camera, settings and the records there were, whatever the threads.
 #pragma once
 
 #include <vector>
@@ -19,23 +19,25 @@ class RadianceCacheFill final : public Preparation {
   double fraction() const override;
 
  private:
-  /// Camera rays through a band of pixels, `stride` apart.
+  /// Pilot once a job; then, stride after stride of pixels, probing and making until nothing is uncovered.
+  enum class Round : uint8_t { begin, pilot, probing, making, done };
+
+  uint32_t begin_probing();
+  /// Camera rays through a band of pixels, `stride_` apart.
   void probe(uint32_t band, RayCounters& counters);
   void grant_wishes();
   void publish();
-  bool finer();
 
   RadianceCacheIntegrator& integrator_;
   const CameraRays& camera_;
   CacheTarget target_;
   std::unique_ptr<const cache::RecordMaker> maker_;
-  enum class Round : uint8_t { none, probing, computing } round_ = Round::none;
+  Round round_ = Round::begin;
   int32_t stride_ = 0;
-  int32_t attempts_ = 0;                         ///< rounds of computing at this stride
-  std::vector<std::vector<cache::Wish>> found_;  ///< by band
+  int32_t attempts_ = 0;                               ///< rounds of making at this stride
+  std::vector<std::vector<cache::SpacedWish>> found_;  ///< by band
   std::vector<cache::Wish> granted_;
-  std::vector<cache::Record> computed_;  ///< one for each of granted_
-  std::vector<cache::Wish> places_;      ///< of the cache's records
+  std::vector<cache::Record> made_;  ///< one for each of granted_
 };
 
 }  // namespace fogbank::integrators

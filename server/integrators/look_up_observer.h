@@ -1,0 +1,28 @@
+// Who watches what a camera path asks the cache.
+#pragma once
+
+#include "cache/index.h"
+#include "cache/record_maker.h"
+
+namespace fogbank::integrators {
+
+/// A look-up that a camera path makes.
+struct LookUp {
+  cache::Wish place;
+  cache::Interpolation found;
+  Spectrum weight{0};      ///< of the place's radiance in the pixel
+  Vec3f direction{0};      ///< of the ray through a medium; 0 on a surface
+  float behind = 0;        ///< distance to where the ray's segment begins
+  float ahead = infinity;  ///< and to the surface that ends it
+  /// How far a record here may reach at most, going by those that were found along the same ray: no farther
+  /// than theirs and the way to them (neighbour clamping). Infinite where there are none.
+  float reach = infinity;
+};
+
+class LookUpObserver {
+ public:
+  virtual ~LookUpObserver() = default;
+  virtual void look_up(const LookUp& look_up) = 0;
+};
+
+}  // namespace fogbank::integrators

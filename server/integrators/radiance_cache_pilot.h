@@ -1,0 +1,45 @@
+// A few records at places that follow from the scene alone. They tell how bright its fog is and how fast that
+// changes, which the error metric needs to know before a camera is asked.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "cache/metric.h"
+#include "cache/record_maker.h"
+#include "transport/world.h"
+
+namespace fogbank::integrators {
+
+/// Error metric at a target, and how large its extents are.
+struct PilotedMetric {
+  double threshold = 0;       ///< MetricSettings::threshold
+  double radiance_floor = 0;  ///< MetricSettings::radiance_floor
+  float typical_radius = 0;   ///< > 0
+};
+
+class CachePilot {
+ public:
+  /// Of all media of the world that hold records.
+  explicit CachePilot(std::shared_ptr<const transport::World> world);
+
+  /// Places, tasks of `make`.
+  uint32_t count() const { return static_cast<uint32_t>(records_.size()); }
+  /// Record of a place; nothing where the medium wasn't found. Needs scene::prepare_render_thread. Any
+  /// thread.
+  void make(uint32_t number, const cache::RecordMaker& maker, RayCounters& counters);
+  std::vector<cache::Record> records() const;
+  /// Metric that bounds the relative error at the border of typical extents by `border_error`. Extents are at
+  /// most `maximum_radius`.
+  PilotedMetric metric(double border_error, double maximum_radius) const;
+
+ private:
+  std::optional<Vec3f> place(uint32_t number) const;
+
+  std::shared_ptr<const transport::World> world_;
+  std::vector<int32_t> media_;
+  std::vector<std::optional<cache::Record>> records_;
+};
+
+}  // namespace fogbank::integrators
