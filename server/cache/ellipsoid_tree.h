@@ -56,6 +56,14 @@ class EllipsoidTree {
     return cache::normalised_square(shape, x, y, z);
   }
 
+  /// W of ellipsoid `number`; NaN where it holds nothing.
+  Symmetric3d inverse_root(uint32_t number) const {
+    Symmetric3d shape;
+    for (size_t entry = 0; entry < shape.entries.size(); ++entry)
+      shape.entries[entry] =
+          static_cast<double>(shapes_[number / packet_size].entries[entry][number % packet_size]);
+    return shape;
+  }
   /// Trace of W: sum of the reciprocals of the semi-axes; NaN where it holds nothing.
   float inverse_trace(uint32_t number) const {
     const std::array<Float8, 6>& w = shapes_[number / packet_size].entries;

@@ -1,4 +1,5 @@
-// Small pictures straight from an integrator, without jobs: preparation by rounds, then samples pixel by pixel.
+// Small pictures straight from an integrator, without jobs: preparation by rounds, then samples pixel by
+// pixel.
 #pragma once
 
 #include <algorithm>
