@@ -27,8 +27,7 @@ class TestCamera final : public CameraRays {
     film_.filter_radius = 0.5f;
   }
 
-  Ray sample(uint32_t x, uint32_t y, uint32_t index, RandomStream& random) const override {
-    random = RandomStream(seed_, x, y, index);
+  Ray sample(uint32_t x, uint32_t y, RandomStream& random) const override {
     const Vec2f position = Vec2f(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f) +
                            scene::sample_filter_offset(film_, random.next_vec2());
     return sensor_.sample_ray(film_, position, random.next_vec2());
@@ -39,12 +38,10 @@ class TestCamera final : public CameraRays {
     return 2 * std::tan(static_cast<float>(sensor_.fov_x_degrees) * pi / 360) /
            static_cast<float>(film_.width);
   }
-  void set_seed(uint64_t seed) { seed_ = seed; }
 
  private:
   scene::Sensor sensor_;
   scene::Film film_;
-  uint64_t seed_ = 0;
 };
 
 /// Calls task(i) for all i < count on `threads` threads; on one: in descending order, as any order must do.
@@ -95,8 +92,8 @@ inline Picture take(const Integrator& integrator, const CameraRays& camera, uint
       double first = 0;
       double second = 0;
       for (uint32_t i = 0; i < samples; ++i) {
-        RandomStream random(0, 0, 0, 0);
-        const Ray ray = camera.sample(x, y, i, random);
+        RandomStream random(0, x, y, i);
+        const Ray ray = camera.sample(x, y, random);
         const PixelSample sample = integrator.sample(ray, random, counters);
         const Spectrum radiance = sample.sampled + sample.cached;
         sum += Vec3d(radiance);
