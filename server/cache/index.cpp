@@ -199,16 +199,23 @@ void Index::add(const PointBundle& points, uint32_t place, Sums& sums) const {
   sums.inverse_axes += weight * tree_.inverse_trace(place);
 }
 
-std::vector<Contribution> Index::contributions(const Vec3f& point) const {
+std::vector<Contribution> Index::contributions(const Vec3f& point, const Vec3f& normal) const {
   std::vector<Contribution> result;
-  const std::span<const PositionPacket> centres = set_->positions(*range_);
-  tree_.search(centres, PointBundle(std::span(&point, 1)), [&](const uint32_t* places, uint32_t count) {
+  const PointBundle bundle(std::span(&point, 1));
+  tree_.search(set_->positions(*range_), bundle, [&](const uint32_t* places, uint32_t count) {
     for (uint32_t i = 0; i < count; ++i) {
-      const uint32_t place = places[i];
-      Sums sums;
-      add(PointBundle(std::span(&point, 1)), place, sums);
-      if (!(sums.weight[0] > 0)) continue;
-      result.push_back({place, sums.weight[0], radius(place)});
+      float weight = 0;
+      if (normal == Vec3f(0)) {
+        Sums sums;
+        add(bundle, places[i], sums);
+        weight = sums.weight[0];
+      } else {
+        Interpolation one;
+        SurfaceSums sums;
+        add_on_surface(point, normal, places[i], one, sums);
+        weight = one.weight;
+      }
+      if (weight > 0) result.push_back({places[i], weight, radius(places[i])});
     }
   });
   return result;

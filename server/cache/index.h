@@ -41,8 +41,9 @@ class Index {
   /// several times faster.
   void look_up(std::span<const Vec3f> points, std::span<Interpolation> results) const;
 
-  /// The places behind look_up(point), with their weights: for showing and judging what a look-up rests on.
-  std::vector<Contribution> contributions(const Vec3f& point) const;
+  /// The places behind a look-up, with their weights: for showing and judging what it rests on. `normal`: 0
+  /// in a medium.
+  std::vector<Contribution> contributions(const Vec3f& point, const Vec3f& normal) const;
   /// Harmonic mean of the semi-axes of the extent of `place`, on a surface of those along it; 0 where it
   /// holds nothing.
   float radius(uint32_t place) const;

@@ -45,6 +45,26 @@ StepWeights step_weights(float x) {
   return {(x - 1 + through) * inverse * inverse, (1 - through * (1 + x)) * inverse * inverse};
 }
 
+MarchSample sample_distance(const transport::MediumSegment& segment, float first, float last,
+                            RandomStream& random) {
+  const transport::MediumInfo& medium = *segment.medium;
+  const float u_channel = random.next_float();
+  const float u = random.next_float();
+  const Vec3f& weights = segment.channel_weights;
+  const int chosen = u_channel < weights.x ? 0 : u_channel < weights.x + weights.y ? 1 : 2;
+  const auto share = [&](int channel) { return -std::expm1(-medium.sigma_t[channel] * (last - first)); };
+  if (!(share(chosen) > 0)) return {};
+  const float along = -std::log1p(-u * share(chosen)) / medium.sigma_t[chosen];
+  float pdf = 0;
+  for (int channel = 0; channel < 3; ++channel) {
+    const float sigma = medium.sigma_t[channel];
+    if (share(channel) > 0) pdf += weights[channel] * sigma * std::exp(-sigma * along) / share(channel);
+  }
+  if (!(pdf > 0)) return {};
+  const float t = std::fmin(first + along, last);
+  return {t, medium.sigma_s * transport::transmittance(medium.sigma_t, t) / pdf};
+}
+
 CameraMarch::CameraMarch(const transport::MediumSegment& segment, float first, float last,
                          const cache::Index* index, float widest_step)
     : segment_(segment), first_(first), last_(last) {

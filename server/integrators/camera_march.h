@@ -26,6 +26,11 @@ struct MarchSample {
   Spectrum weight{0};
 };
 
+/// A place between two distances, drawn by transmittance: one channel's, chosen by weight; expected weight as
+/// the light's that is scattered there.
+MarchSample sample_distance(const transport::MediumSegment& segment, float first, float last,
+                            RandomStream& random);
+
 /// Nodes are a function of segment and index only. Lives on the stack: 14 KiB.
 class CameraMarch {
  public:

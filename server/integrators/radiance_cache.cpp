@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "core/frame.h"
 #include "core/sampling.h"
 #include "integrators/radiance_cache_fill.h"
 #include "transport/direct_light.h"
@@ -32,27 +33,6 @@ constexpr float negligible = 1e-6f;
 Vec3f channel_weights(const Spectrum& throughput) {
   const float sum = throughput.x + throughput.y + throughput.z;
   return sum > 0 ? throughput / sum : Vec3f(1.0f / 3);
-}
-
-/// A place between two distances, drawn by transmittance: one channel's, chosen by weight; expected weight as
-/// the light's that is scattered there.
-MarchSample sample_distance(const MediumSegment& segment, float first, float last, RandomStream& random) {
-  const MediumInfo& medium = *segment.medium;
-  const float u_channel = random.next_float();
-  const float u = random.next_float();
-  const Vec3f& weights = segment.channel_weights;
-  const int chosen = u_channel < weights.x ? 0 : u_channel < weights.x + weights.y ? 1 : 2;
-  const auto share = [&](int channel) { return -std::expm1(-medium.sigma_t[channel] * (last - first)); };
-  if (!(share(chosen) > 0)) return {};
-  const float along = -std::log1p(-u * share(chosen)) / medium.sigma_t[chosen];
-  float pdf = 0;
-  for (int channel = 0; channel < 3; ++channel) {
-    const float sigma = medium.sigma_t[channel];
-    if (share(channel) > 0) pdf += weights[channel] * sigma * std::exp(-sigma * along) / share(channel);
-  }
-  if (!(pdf > 0)) return {};
-  const float t = std::fmin(first + along, last);
-  return {t, medium.sigma_s * transport::transmittance(medium.sigma_t, t) / pdf};
 }
 
 /// Where [0, segment.length] is inside the ball; an empty range where it misses it.
@@ -273,18 +253,54 @@ void RadianceCacheIntegrator::report(const Walk& walk, const MediumSegment& segm
                             reach[i]});
 }
 
-Spectrum RadianceCacheIntegrator::from_surface(Walk& walk, const scene::SurfaceInteraction& surface,
-                                               RandomStream& random, RayCounters& counters) const {
+PixelSample RadianceCacheIntegrator::from_surface(Walk& walk, const scene::SurfaceInteraction& surface,
+                                                  RandomStream& random, RayCounters& counters) const {
   const transport::Bsdf& bsdf = world_->bsdf(surface.shape);
   const ShadingPoint point = transport::World::shading_point(surface);
   const Vec3f wo = point.frame.to_local(-walk.ray.direction);
-  Spectrum sum(0);
+  const std::optional<Spectrum> reflectance = bsdf.lambertian_reflectance(point, wo);
+  PixelSample sum;
   if (may_scatter(walk) && walk.observer == nullptr) {
-    sum = transport::reflected_direct_light(*world_, surface, walk.ray.direction, walk.medium,
-                                            EmissionFoundBy::light_and_path_sampling, random, counters);
+    const EmissionFoundBy found_by =
+        reflectance ? EmissionFoundBy::light_sampling : EmissionFoundBy::light_and_path_sampling;
+    sum.sampled = transport::reflected_direct_light(*world_, surface, walk.ray.direction, walk.medium,
+                                                    found_by, random, counters);
+  }
+  if (reflectance) {
+    walk.ended = true;
+    // One scattering event more than for direct light.
+    const bool more = settings_.max_depth < 0 || walk.depth + 2 < settings_.max_depth;
+    if (more && !is_black(*reflectance)) {
+      const Vec3f side = wo.z > 0 ? surface.shading_normal : -surface.shading_normal;
+      sum.cached = *reflectance * arriving_at(walk, surface, side, *reflectance, random, counters);
+    }
+    return sum;
   }
   walk.ended = !go_on(walk, surface, bsdf, point, wo, random);
   return sum;
+}
+
+Spectrum RadianceCacheIntegrator::arriving_at(const Walk& walk, const scene::SurfaceInteraction& surface,
+                                              const Vec3f& side, const Spectrum& reflectance,
+                                              RandomStream& random, RayCounters& counters) const {
+  const int32_t medium = world_->medium_beyond(surface, -walk.ray.direction, walk.medium);
+  const cache::Component component{medium, 0, published_.generation, cache::Quantity::irradiance};
+  const cache::Index* index = find(component);
+  const cache::Interpolation found =
+      index != nullptr ? index->look_up(surface.position, side) : cache::Interpolation{};
+  if (walk.observer != nullptr) {
+    walk.observer->look_up({.place = {surface.position, side, component},
+                            .found = found,
+                            .weight = walk.throughput * reflectance});
+    return Spectrum(0);
+  }
+  if (found.weight > 0) return found.radiance;
+  const Frame frame = Frame::from_normal(side);
+  const Vec3f direction = frame.to_world(square_to_cosine_hemisphere(random.next_vec2()));
+  scene::Hit hit;
+  return kernel_.arriving_radiance({surface.spawn_origin(direction), direction, infinity},
+                                   world_->medium_beyond(surface, direction, walk.medium), walk.depth + 1,
+                                   random, counters, &hit);
 }
 
 bool RadianceCacheIntegrator::go_on(Walk& walk, const scene::SurfaceInteraction& surface,
@@ -351,7 +367,9 @@ PixelSample RadianceCacheIntegrator::walk_from(const Ray& ray, RandomStream& ran
     const scene::SurfaceInteraction surface = scene.interaction(walk.ray, hit);
     const Spectrum arrived = walk.throughput;
     radiance.sampled += arrived * emission(walk, &surface);
-    radiance.sampled += arrived * from_surface(walk, surface, random, counters);
+    const PixelSample scattered = from_surface(walk, surface, random, counters);
+    radiance.sampled += arrived * scattered.sampled;
+    radiance.cached += arrived * scattered.cached;
   }
   return radiance;
 }

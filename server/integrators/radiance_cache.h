@@ -67,8 +67,12 @@ class RadianceCacheIntegrator final : public Integrator {
   /// `direction`, per sigma_s: one path.
   Spectrum scattered_path(const Walk& walk, const transport::MediumInfo& medium, const Vec3f& position,
                           const Vec3f& direction, RandomStream& random, RayCounters& counters) const;
-  Spectrum from_surface(Walk& walk, const scene::SurfaceInteraction& surface, RandomStream& random,
-                        RayCounters& counters) const;
+  PixelSample from_surface(Walk& walk, const scene::SurfaceInteraction& surface, RandomStream& random,
+                           RayCounters& counters) const;
+  /// Light that reaches a Lambertian surface by at least one scattering event: what it would send out if it
+  /// were white. `side`: unit normal to the side that is seen.
+  Spectrum arriving_at(const Walk& walk, const scene::SurfaceInteraction& surface, const Vec3f& side,
+                       const Spectrum& reflectance, RandomStream& random, RayCounters& counters) const;
   /// Draws the path's next direction; false where it ends.
   bool go_on(Walk& walk, const scene::SurfaceInteraction& surface, const transport::Bsdf& bsdf,
              const transport::ShadingPoint& point, const Vec3f& wo, RandomStream& random) const;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "cache/metric.h"
 #include "scene/intersector.h"
 
 namespace fogbank::integrators {
@@ -36,23 +37,46 @@ constexpr double least_radius = 1e-4;     ///< of the scene's
 /// derivatives grow with the nearness of what they see.
 constexpr float clearance_share = 0.2f;
 
+/// Collects the look-ups of a few camera rays that want a record.
 class UncoveredPlaces final : public LookUpObserver {
  public:
   explicit UncoveredPlaces(float default_reach) : default_reach_(default_reach) {}
 
   void look_up(const LookUp& look_up) override {
-    if (look_up.found.weight >= least_weight || !(mean(look_up.weight) > least_importance)) return;
+    const bool on_surface = look_up.place.normal != Vec3f(0);
+    if (look_up.found.weight >= least_weight) {
+      if (on_surface) covered_.push_back({look_up.place, look_up.found.radius});
+      return;
+    }
+    if (!(mean(look_up.weight) > least_importance)) return;
+    if (on_surface) {
+      on_surfaces_.push_back(look_up.place);
+      return;
+    }
     const float reach = std::isfinite(look_up.reach) ? look_up.reach : default_reach_;
     cache::Wish place = look_up.place;
     const float retreat = std::fmax(clearance_share * reach - look_up.ahead, 0.0f);
     place.position -= look_up.direction * std::fmin(retreat, 0.5f * look_up.behind);
-    places.push_back({place, spacing_share * reach});
+    places_.push_back({place, spacing_share * reach});
   }
 
-  std::vector<cache::SpacedWish> places;
+  /// Surface records go by the reach of those that neighbouring rays met.
+  std::vector<cache::SpacedWish> places() && {
+    for (const cache::Wish& wish : on_surfaces_) {
+      float reach = infinity;
+      for (const auto& [place, radius] : covered_)
+        if (place.component == wish.component && glm::dot(place.normal, wish.normal) > cache::similar_normals)
+          reach = std::fmin(reach, radius + glm::distance(place.position, wish.position));
+      places_.push_back({wish, spacing_share * (std::isfinite(reach) ? reach : default_reach_)});
+    }
+    return std::move(places_);
+  }
 
  private:
   float default_reach_;
+  std::vector<cache::SpacedWish> places_;
+  std::vector<cache::Wish> on_surfaces_;
+  std::vector<std::pair<cache::Wish, float>> covered_;  ///< on surfaces, with radii
 };
 
 }  // namespace
@@ -60,9 +84,10 @@ class UncoveredPlaces final : public LookUpObserver {
 RadianceCacheFill::RadianceCacheFill(RadianceCacheIntegrator& integrator, const CameraRays& camera,
                                      const CacheTarget& target)
     : integrator_(integrator), camera_(camera), target_(target), stride_(first_stride) {
-  maker_ =
-      cache::make_record_maker(cache::Quantity::rest, integrator.world(),
-                               {.samples = record_samples, .max_depth = integrator.settings().max_depth});
+  for (const cache::Quantity quantity : {cache::Quantity::rest, cache::Quantity::irradiance})
+    makers_[quantity] =
+        cache::make_record_maker(quantity, integrator.world(),
+                                 {.samples = record_samples, .max_depth = integrator.settings().max_depth});
 }
 
 double RadianceCacheFill::fraction() const {
@@ -117,13 +142,13 @@ void RadianceCacheFill::run(uint32_t task, RayCounters& counters) {
   scene::prepare_render_thread();
   switch (round_) {
     case Round::pilot:
-      integrator_.pilot().make(task, *maker_, counters);
+      integrator_.pilot().make(task, *makers_.at(cache::Quantity::rest), counters);
       break;
     case Round::probing:
       probe(task, counters);
       break;
     case Round::making:
-      made_[task] = maker_->make(granted_[task], nullptr, counters);
+      made_[task] = makers_.at(granted_[task].component.quantity)->make(granted_[task], nullptr, counters);
       break;
     case Round::begin:
     case Round::done:
@@ -146,7 +171,7 @@ void RadianceCacheFill::probe(uint32_t band, RayCounters& counters) {
       integrator_.observe(ray, random, counters, uncovered);
     }
   }
-  found_[band] = std::move(uncovered.places);
+  found_[band] = std::move(uncovered).places();
 }
 
 void RadianceCacheFill::grant_wishes() {

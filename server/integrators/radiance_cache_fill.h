@@ -3,6 +3,7 @@
 // camera, settings and the records there were, whatever the threads.
 #pragma once
 
+#include <map>
 #include <vector>
 
 #include "cache/thinning.h"
@@ -31,7 +32,7 @@ class RadianceCacheFill final : public Preparation {
   RadianceCacheIntegrator& integrator_;
   const CameraRays& camera_;
   CacheTarget target_;
-  std::unique_ptr<const cache::RecordMaker> maker_;
+  std::map<cache::Quantity, std::unique_ptr<const cache::RecordMaker>> makers_;
   Round round_ = Round::begin;
   int32_t stride_ = 0;
   int32_t attempts_ = 0;                               ///< rounds of making at this stride

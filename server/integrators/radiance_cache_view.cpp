@@ -24,7 +24,8 @@ class ViewSums final : public LookUpObserver {
     radius_ += weight * static_cast<double>(look_up.found.radius);
     if (!(look_up.found.weight > 0)) return;
     const cache::RecordSet& set = epoch_.records();
-    for (const cache::Contribution& one : index->contributions(look_up.place.position)) {
+    for (const cache::Contribution& one :
+         index->contributions(look_up.place.position, look_up.place.normal)) {
       const double share = weight * static_cast<double>(one.weight / look_up.found.weight);
       shares_[{index, one.place}] += share;
       const cache::Place place = set.place(index->range(), one.place);

@@ -93,7 +93,7 @@ void expect_agreement(const std::vector<Record>& records, const MetricSettings& 
     // Weights near a border are small squares of differences; single precision keeps the sums to 1e-5 of the
     // number of records.
     EXPECT_NEAR(found.weight, expected.weight, 1e-5 * (1 + expected.records));
-    const std::vector<Contribution> contributions = index->contributions(point);
+    const std::vector<Contribution> contributions = index->contributions(point, Vec3f(0));
     EXPECT_EQ(contributions.size(), expected.records);
     double inverse_radii = 0;
     for (const Contribution& contribution : contributions)
