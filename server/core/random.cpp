@@ -36,4 +36,14 @@ void RandomStream::refill() {
   used_ = 0;
 }
 
+std::array<uint32_t, 4> RandomStream::next_shared() {
+  // Apart from all blocks of samples by the key.
+  constexpr uint32_t shared = 0x53484152u;
+  const std::array<uint32_t, 4> bits =
+      philox4x32({counter_[0], 0, counter_[2], counter_[3]}, {key_[0] ^ shared, key_[1]});
+  ++counter_[0];
+  used_ = 4;
+  return bits;
+}
+
 }  // namespace fogbank

@@ -34,6 +34,12 @@ class RandomStream {
     return block_[used_++];
   }
 
+  /// Number of the sample among those of its pixel.
+  uint32_t sample() const { return counter_[1]; }
+  /// 128 random bits that all samples of the pixel share which ask at the same position in their streams:
+  /// selects the sequence that those samples take points from. Discards what is left of the present block.
+  std::array<uint32_t, 4> next_shared();
+
  private:
   void refill();
 

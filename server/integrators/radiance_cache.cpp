@@ -6,7 +6,7 @@
 #include "core/frame.h"
 #include "core/sampling.h"
 #include "integrators/radiance_cache_fill.h"
-#include "transport/direct_light.h"
+#include "transport/direct_light_bundle.h"
 
 namespace fogbank::integrators {
 
@@ -20,6 +20,9 @@ using transport::ShadingPoint;
 
 namespace {
 
+/// Samples of the light that reaches a surface: seen by the camera itself, met later.
+constexpr int32_t seen_surface_samples = 4;
+constexpr int32_t later_surface_samples = 1;
 /// As the path tracer's (path_tracer.cpp).
 constexpr float most_survival = 0.999f;
 constexpr int32_t most_null_events = 1024;
@@ -62,6 +65,7 @@ struct RadianceCacheIntegrator::Walk {
   int32_t null_events = 0;  ///< surfaces passed straight on
   Vec3f last_position{0};
   transport::LightReceiver last_receiver;
+  int32_t last_light_samples = 1;  ///< that were taken there
   LookUpObserver* observer = nullptr;
   bool straight = true;  ///< no random direction so far but of mirrors and glass
 };
@@ -113,7 +117,8 @@ Spectrum RadianceCacheIntegrator::emission(const Walk& walk, const scene::Surfac
       seen = *surface;
       seen->distance = glm::length(surface->position - walk.last_position);
     }
-    const float pdf = lights.probability(walk.last_receiver, index) *
+    const float pdf = static_cast<float>(walk.last_light_samples) *
+                      lights.probability(walk.last_receiver, index) *
                       light.pdf(walk.last_position, walk.ray.direction, seen ? &*seen : nullptr);
     return emitted * transport::power_heuristic(walk.last_pdf, pdf);
   };
@@ -263,8 +268,10 @@ PixelSample RadianceCacheIntegrator::from_surface(Walk& walk, const scene::Surfa
   if (may_scatter(walk) && walk.observer == nullptr) {
     const EmissionFoundBy found_by =
         reflectance ? EmissionFoundBy::light_sampling : EmissionFoundBy::light_and_path_sampling;
-    sum.sampled = transport::reflected_direct_light(*world_, surface, walk.ray.direction, walk.medium,
-                                                    found_by, random, counters);
+    walk.last_light_samples = walk.straight ? seen_surface_samples : later_surface_samples;
+    sum.sampled =
+        transport::reflected_direct_light_bundle(*world_, surface, walk.ray.direction, walk.medium,
+                                                 walk.last_light_samples, found_by, random, counters);
   }
   if (reflectance) {
     walk.ended = true;

@@ -357,6 +357,10 @@ void Intersector::occluded(const RayBundle& bundle, std::span<uint8_t> occluded)
   occluded_packets(implementation_->all.get(), bundle, solid_mask, occluded);
 }
 
+void Intersector::occluded(std::span<const Ray> rays, std::span<uint8_t> occluded) const {
+  occluded_packets(implementation_->all.get(), rays, solid_mask, occluded);
+}
+
 bool Intersector::has_passing_surfaces() const { return implementation_->passing != nullptr; }
 double Intersector::build_seconds() const { return implementation_->seconds; }
 size_t Intersector::memory_bytes() const { return static_cast<size_t>(implementation_->bytes.load()); }

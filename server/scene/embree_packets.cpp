@@ -27,14 +27,20 @@ void fill_lane(Rays& rays, size_t lane, const Vec3f& origin, const Vec3f& direct
   rays.flags[lane] = 0;
 }
 
-/// Fills all lanes from ray `first` on; those beyond the bundle repeat its last ray and are not valid.
-template <typename Rays>
-void fill(Rays& rays, int* valid, const RayBundle& bundle, size_t first, uint32_t mask) {
+Ray ray_of(const RayBundle& bundle, size_t ray) {
+  return {bundle.origin, bundle.directions[ray], bundle.max_distance(ray)};
+}
+Ray ray_of(std::span<const Ray> rays, size_t ray) { return rays[ray]; }
+size_t size_of(const RayBundle& bundle) { return bundle.directions.size(); }
+size_t size_of(std::span<const Ray> rays) { return rays.size(); }
+
+/// Fills all lanes from ray `first` on; those beyond the last ray repeat it and are not valid.
+template <typename Rays, typename Source>
+void fill(Rays& rays, int* valid, const Source& source, size_t first, uint32_t mask) {
   for (size_t lane = 0; lane < width; ++lane) {
-    const size_t ray = std::min(first + lane, bundle.directions.size() - 1);
-    const float max_distance = bundle.max_distance(ray);
-    fill_lane(rays, lane, bundle.origin, bundle.directions[ray], max_distance, mask);
-    valid[lane] = first + lane < bundle.directions.size() && max_distance > 0 ? -1 : 0;
+    const Ray ray = ray_of(source, std::min(first + lane, size_of(source) - 1));
+    fill_lane(rays, lane, ray.origin, ray.direction, ray.max_distance, mask);
+    valid[lane] = first + lane < size_of(source) && ray.max_distance > 0 ? -1 : 0;
   }
 }
 
@@ -43,6 +49,21 @@ RTCIntersectContext make_context(RTCIntersectContextFlags flags) {
   rtcInitIntersectContext(&context);
   context.flags = flags;
   return context;
+}
+
+template <typename Source>
+void trace_occluded(RTCScene scene, const Source& source, uint32_t mask, std::span<uint8_t> occluded) {
+  // The coherent traversal of 3.13 doesn't return from some any-hit queries of scenes with instances.
+  RTCIntersectContext context = make_context(RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT);
+  RTCRay16 packet;
+  alignas(64) int valid[width];
+  for (size_t first = 0; first < size_of(source); first += width) {
+    fill(packet, valid, source, first, mask);
+    rtcOccluded16(valid, scene, &context, &packet);
+    const size_t count = std::min(width, size_of(source) - first);
+    for (size_t lane = 0; lane < count; ++lane)
+      occluded[first + lane] = static_cast<uint8_t>(valid[lane] != 0 && packet.tfar[lane] < 0);
+  }
 }
 
 }  // namespace
@@ -68,17 +89,11 @@ void intersect_packets(RTCScene scene, const RayBundle& bundle, uint32_t mask, s
 }
 
 void occluded_packets(RTCScene scene, const RayBundle& bundle, uint32_t mask, std::span<uint8_t> occluded) {
-  // The coherent traversal of 3.13 doesn't return from some any-hit queries of scenes with instances.
-  RTCIntersectContext context = make_context(RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT);
-  RTCRay16 packet;
-  alignas(64) int valid[width];
-  for (size_t first = 0; first < bundle.directions.size(); first += width) {
-    fill(packet, valid, bundle, first, mask);
-    rtcOccluded16(valid, scene, &context, &packet);
-    const size_t count = std::min(width, bundle.directions.size() - first);
-    for (size_t lane = 0; lane < count; ++lane)
-      occluded[first + lane] = static_cast<uint8_t>(valid[lane] != 0 && packet.tfar[lane] < 0);
-  }
+  trace_occluded(scene, bundle, mask, occluded);
+}
+
+void occluded_packets(RTCScene scene, std::span<const Ray> rays, uint32_t mask, std::span<uint8_t> occluded) {
+  trace_occluded(scene, rays, mask, occluded);
 }
 
 }  // namespace fogbank::scene

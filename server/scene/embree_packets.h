@@ -31,5 +31,6 @@ void intersect_packets(RTCScene scene, const RayBundle& bundle, uint32_t mask, s
 
 /// 1 where any surface with `mask` lies within a ray's interval, else 0; as many entries as rays.
 void occluded_packets(RTCScene scene, const RayBundle& bundle, uint32_t mask, std::span<uint8_t> occluded);
+void occluded_packets(RTCScene scene, std::span<const Ray> rays, uint32_t mask, std::span<uint8_t> occluded);
 
 }  // namespace fogbank::scene

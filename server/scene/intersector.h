@@ -80,6 +80,9 @@ class Intersector {
   void intersect_solid(const RayBundle& bundle, std::span<Hit> hits) const;
   void intersect_passing(const RayBundle& bundle, std::span<Hit> hits) const;
   void occluded(const RayBundle& bundle, std::span<uint8_t> occluded) const;
+  /// The same for rays with origins of their own, best in an order in which neighbours have much the same
+  /// origin and direction.
+  void occluded(std::span<const Ray> rays, std::span<uint8_t> occluded) const;
 
   double build_seconds() const;
   size_t memory_bytes() const;

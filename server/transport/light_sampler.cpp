@@ -298,8 +298,7 @@ LightSampler::Top LightSampler::top_of(const Place& place) const {
 }
 
 template <typename Place>
-std::optional<LightChoice> LightSampler::choose_at(const Place& place, float& u) const {
-  const Top top = top_of(place);
+std::optional<LightChoice> LightSampler::choose_from(const Top& top, const Place& place, float& u) const {
   if (!(top.total > 0)) return std::nullopt;
   const size_t chosen = pick(top.weights.data(), top.count, top.total, u);
   float probability = top.weights[chosen] / top.total;
@@ -365,14 +364,28 @@ float LightSampler::probability_at(const Place& place, uint32_t light) const {
   return sum > 0 ? probability * own / sum : 0;
 }
 
+template <typename Place>
+void LightSampler::choose_all(const Place& place, std::span<float> u, std::span<LightChoice> choices) const {
+  const Top top = top_of(place);
+  for (size_t i = 0; i < u.size(); ++i) choices[i] = choose_from(top, place, u[i]).value_or(LightChoice{});
+}
+
 std::optional<LightChoice> LightSampler::choose(const LightReceiver& receiver, float& u) const {
-  return choose_at(receiver, u);
+  return choose_from(top_of(receiver), receiver, u);
 }
 float LightSampler::probability(const LightReceiver& receiver, uint32_t light) const {
   return probability_at(receiver, light);
 }
 std::optional<LightChoice> LightSampler::choose(const MediumSegment& segment, float& u) const {
-  return choose_at(segment, u);
+  return choose_from(top_of(segment), segment, u);
+}
+void LightSampler::choose(const LightReceiver& receiver, std::span<float> u,
+                          std::span<LightChoice> choices) const {
+  choose_all(receiver, u, choices);
+}
+void LightSampler::choose(const MediumSegment& segment, std::span<float> u,
+                          std::span<LightChoice> choices) const {
+  choose_all(segment, u, choices);
 }
 float LightSampler::probability(const MediumSegment& segment, uint32_t light) const {
   return probability_at(segment, light);

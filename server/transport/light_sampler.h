@@ -7,6 +7,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "transport/distance_table.h"
@@ -44,6 +45,10 @@ class LightSampler {
   float probability(const LightReceiver& receiver, uint32_t light) const;
   std::optional<LightChoice> choose(const MediumSegment& segment, float& u) const;
   float probability(const MediumSegment& segment, uint32_t light) const;
+  /// The same for several numbers at once; a probability of 0 stands for no light. Ascending numbers give the
+  /// samples of one light in a row.
+  void choose(const LightReceiver& receiver, std::span<float> u, std::span<LightChoice> choices) const;
+  void choose(const MediumSegment& segment, std::span<float> u, std::span<LightChoice> choices) const;
 
  private:
   struct Node {
@@ -66,7 +71,9 @@ class LightSampler {
   template <typename Place>
   Top top_of(const Place& place) const;
   template <typename Place>
-  std::optional<LightChoice> choose_at(const Place& place, float& u) const;
+  std::optional<LightChoice> choose_from(const Top& top, const Place& place, float& u) const;
+  template <typename Place>
+  void choose_all(const Place& place, std::span<float> u, std::span<LightChoice> choices) const;
   template <typename Place>
   float probability_at(const Place& place, uint32_t light) const;
   uint32_t build(uint32_t first, uint32_t count, uint32_t depth, uint64_t trail);

@@ -1,5 +1,7 @@
 #include "transport/world.h"
 
+#include <algorithm>
+#include <array>
 #include <utility>
 
 #include "transport/medium_at.h"
@@ -70,6 +72,28 @@ Spectrum World::visibility(const Vec3f& origin, const Vec3f& direction, float di
   if (is_black(through)) return through;
   ++counters.any_hit;
   return scene_->intersector->occluded({origin, direction, distance * shadow_share}) ? Spectrum(0) : through;
+}
+
+void World::visibility(std::span<const Ray> rays, int32_t medium, std::span<Spectrum> visible,
+                       RayCounters& counters) const {
+  constexpr size_t batch_size = 64;
+  std::array<Ray, batch_size> shadow_rays;
+  std::array<uint8_t, batch_size> occluded;
+  for (size_t first = 0; first < rays.size(); first += batch_size) {
+    const size_t count = std::min(batch_size, rays.size() - first);
+    for (size_t i = 0; i < count; ++i) {
+      shadow_rays[i] = rays[first + i];
+      shadow_rays[i].max_distance *= shadow_share;
+    }
+    counters.any_hit += count;
+    scene_->intersector->occluded(std::span(shadow_rays).first(count), occluded);
+    for (size_t i = 0; i < count; ++i) {
+      const Ray& ray = rays[first + i];
+      visible[first + i] = occluded[i] != 0 ? Spectrum(0)
+                                            : unblocked_transmittance(ray.origin, ray.direction,
+                                                                      ray.max_distance, medium, counters);
+    }
+  }
 }
 
 Spectrum World::unblocked_transmittance(const Vec3f& origin, const Vec3f& direction, float distance,

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "core/ray_counters.h"
@@ -68,6 +69,10 @@ class World {
   /// `direction`: 0 behind solid surfaces, through media and surfaces that pass light straight on.
   Spectrum visibility(const Vec3f& origin, const Vec3f& direction, float distance, int32_t medium,
                       RayCounters& counters) const;
+  /// The same for several rays at once, in an order in which neighbours are alike: their ends are
+  /// `max_distance` away. One entry of `visible` each.
+  void visibility(std::span<const Ray> rays, int32_t medium, std::span<Spectrum> visible,
+                  RayCounters& counters) const;
   /// The same without asking for solid surfaces.
   Spectrum unblocked_transmittance(const Vec3f& origin, const Vec3f& direction, float distance,
                                    int32_t medium, RayCounters& counters) const;

@@ -5,6 +5,7 @@
 
 #include "function_integrator.h"
 #include "render/film.h"
+#include "render/film_camera.h"
 
 namespace fogbank::render {
 namespace {
@@ -80,9 +81,7 @@ TEST(Determinism, SplitIntoPasses) {
       PixelSums sums;
       for (uint32_t sample = 0; sample < 64; ++sample) {
         RandomStream random(settings.seed, x, y, sample);
-        const Vec2f offset = scene::sample_filter_offset(settings.film, random.next_vec2());
-        const Vec2f position = Vec2f(x, y) + 0.5f + offset;
-        const Ray ray = settings.sensor.sample_ray(settings.film, position, random.next_vec2());
+        const Ray ray = FilmCamera(settings.sensor, settings.film).sample(x, y, random);
         RayCounters counters;
         sums.add(sample, integrator->sample(ray, random, counters).sampled);
       }

@@ -34,6 +34,7 @@ void expect_bundles_like_single_rays(const Scene& scene, float spread, bool pass
   RandomStream random(5, 0, 0, 0);
   size_t ties = 0;
   size_t hits_seen = 0;
+  std::vector<Ray> own_origins;
   constexpr size_t count = 333;  // no whole number of packets
   for (int bundle = 0; bundle < 40; ++bundle) {
     const Vec3f origin = scene.bounds.center + spread * scene.bounds.radius * random.next_float() *
@@ -72,11 +73,21 @@ void expect_bundles_like_single_rays(const Scene& scene, float spread, bool pass
       if (i >= 5) {
         ASSERT_EQ(hits[i].distance, regrouped[i].distance) << i;
       }
+      own_origins.push_back(ray);
       ties += same(hits[i], single) && (i < 5 || same(hits[i], regrouped[i])) ? 0 : 1;
       if (passing) continue;
       ASSERT_EQ(intersector.occluded(ray), occluded[i] != 0) << i;
       ASSERT_TRUE(i < 5 || occluded[i] == occluded_regrouped[i]) << i;
     }
+  }
+  if (!passing) {
+    // Rays of different bundles in the same packets.
+    std::vector<uint8_t> occluded(own_origins.size());
+    for (size_t i = 0; i < own_origins.size(); ++i)
+      std::swap(own_origins[i], own_origins[i * 7 % own_origins.size()]);
+    scene.intersector->occluded(own_origins, occluded);
+    for (size_t i = 0; i < own_origins.size(); ++i)
+      ASSERT_EQ(occluded[i] != 0, scene.intersector->occluded(own_origins[i])) << i;
   }
   EXPECT_GT(hits_seen, 500u);
   // Surfaces that coincide exist in made scenes (a sheet of paper on a desk): which is found follows the
