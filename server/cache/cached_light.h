@@ -13,7 +13,9 @@ namespace fogbank::cache {
 /// Light straight from emitters is sampled at the emitters; the rest is looked up in records of one
 /// generation, and path traced where none reaches: unbiased but for what the records' own errors are.
 /// For one record; cheap to make; look-ups need no lock.
-class CachedLight final : public derivatives::MediumSource, public derivatives::SurfaceSource {
+class CachedLight final : public derivatives::MediumSource,
+                          public derivatives::LineSource,
+                          public derivatives::SurfaceSource {
  public:
   /// Scattering events between the camera and what is read here: one, at the record's own place.
   static constexpr int32_t depth = 1;
@@ -35,14 +37,14 @@ class CachedLight final : public derivatives::MediumSource, public derivatives::
   Spectrum arriving_radiance(Ray ray, int32_t medium, RandomStream& random, RayCounters& counters,
                              scene::Hit* solid_hit) const;
 
+  Spectrum in_scattered(const Ray& ray, float length, int32_t medium, RandomStream& random,
+                        RayCounters& counters) const override;
+
  private:
   /// Of each medium; null where there is no record.
   const Index* rest_index(int32_t medium) const;
   /// Mean radiance that doesn't come straight from an emitter: one path.
   Spectrum rest_by_path(const Vec3f& y, int32_t medium, RandomStream& random, RayCounters& counters) const;
-  /// What `medium` sends against `ray` up to `length`.
-  Spectrum in_scattered(const Ray& ray, float length, int32_t medium, RandomStream& random,
-                        RayCounters& counters) const;
 
   const transport::PathTracer& kernel_;
   const transport::World& world_;

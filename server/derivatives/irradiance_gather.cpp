@@ -5,6 +5,7 @@
 
 #include "derivatives/irradiance_edge.h"
 #include "derivatives/irradiance_medium.h"
+#include "derivatives/irradiance_noise.h"
 #include "derivatives/sphere_mesh.h"
 #include "derivatives/surface_radiance.h"
 
@@ -71,36 +72,6 @@ Outlines outlines_of(const HemisphereRays& rays, std::span<const Spectrum> radia
   return outlines;
 }
 
-/// Sum of squared standard deviations of cells, by neighbouring pairs.
-double variance_of_mean(std::span<const Spectrum> radiance) {
-  double sum = 0;
-  for (size_t i = 0; i + 1 < radiance.size(); i += 2) {
-    const auto difference = static_cast<double>(luminance(radiance[i] - radiance[i + 1]));
-    sum += difference * difference;
-  }
-  return sum / static_cast<double>(radiance.size()) / static_cast<double>(radiance.size());
-}
-
-/// Variance of sum over cells of radiance times `shares`, the radiance of a cell being as uncertain as it
-/// differs from that of its neighbours on the same surface.
-double variance_of_sum(const HemisphereRays& rays, std::span<const Spectrum> radiance,
-                       std::span<const Spectrum> shares) {
-  double sum = 0;
-  for (uint32_t cell = 0; cell < radiance.size(); ++cell) {
-    double spread = 0;
-    double count = 0;
-    for (const uint32_t other : rays.grid().neighbours()[cell]) {
-      if (other == cell || rays.ends()[other].surface != rays.ends()[cell].surface) continue;
-      const auto difference = static_cast<double>(luminance(radiance[other] - radiance[cell]));
-      spread += difference * difference / 2;
-      ++count;
-    }
-    const Vec3d share(shares[cell]);
-    if (count > 0) sum += spread / count * glm::dot(share, share);
-  }
-  return sum;
-}
-
 /// Derivatives along the surface.
 void project(Jet3d& jet, const Vec3d& normal) {
   jet.gradient -= normal * glm::dot(normal, jet.gradient);
@@ -155,12 +126,13 @@ void add_surfaces(const HemisphereRays& rays, const HemisphereMesh& mesh, std::s
   // The filter is symmetric: noise enters through the filtered gradients.
   estimate.gradient_variance +=
       ratio * ratio *
-      variance_of_sum(rays, radiance, filter_over_neighbours(gradients, rays.grid().neighbours(), surfaces));
+      variance_of_sum(rays.grid(), surfaces, radiance,
+                      filter_over_neighbours(gradients, rays.grid().neighbours(), surfaces));
 }
 
 }  // namespace
 
-IrradianceEstimate gather_irradiance(const transport::World& world, const LightSources& sources,
+IrradianceEstimate gather_irradiance(const transport::World& world, const IrradianceSources& sources,
                                      const SurfaceSide& side, const IrradianceSettings& settings,
                                      RandomStream& random, RayCounters& counters) {
   const std::shared_ptr<const HemisphereGrid> grid =
@@ -178,7 +150,7 @@ IrradianceEstimate gather_irradiance(const transport::World& world, const LightS
 
   IrradianceEstimate estimate;
   add_surfaces(rays, mesh, leaving, estimate, counters);
-  const MediumIrradiance medium = gather_medium_irradiance(world, sources.medium, rays, mesh.forms,
+  const MediumIrradiance medium = gather_medium_irradiance(world, sources.lines, rays, mesh.forms,
                                                            mesh.vertices, mesh.rays, random, counters);
   estimate.mean += medium.mean;
   estimate.gradient_variance += medium.gradient_variance;

@@ -10,6 +10,12 @@
 
 namespace fogbank::derivatives {
 
+/// The light around a surface. What is referred to must outlive this.
+struct IrradianceSources {
+  const LineSource& lines;
+  const SurfaceSource& surfaces;
+};
+
 struct IrradianceSettings {
   int32_t samples = 256;  ///< directions, rounded up to a square; at least 4
   bool bisect = true;     ///< outlines (method.md section 6.2)
@@ -28,7 +34,7 @@ struct IrradianceEstimate {
 /// triangles between surfaces that meet, farthest rule on slanted ones, which outlines split first (method.md
 /// sections 5 and 6.2); derivatives of the light from surfaces are scaled by the ratio of the two values
 /// (section 6.1). Mirrors count as surfaces with a picture on them. Throws Interrupted.
-IrradianceEstimate gather_irradiance(const transport::World& world, const LightSources& sources,
+IrradianceEstimate gather_irradiance(const transport::World& world, const IrradianceSources& sources,
                                      const SurfaceSide& side, const IrradianceSettings& settings,
                                      RandomStream& random, RayCounters& counters);
 

@@ -72,10 +72,9 @@ class MediumGather {
   RadianceJet gather(const Vec3f& x, std::span<const MediumRay> rays,
                      std::span<const std::array<uint32_t, 3>> triangles, std::span<const RayOutline> outlines,
                      DerivativeOrder order, RandomStream& random, RayCounters& counters) const;
-  /// Samples the source along the rays of `record`, which is new.
-  void march(MediumRecord& record, RandomStream& random, RayCounters& counters) const;
 
  private:
+  void march(MediumRecord& record, RandomStream& random, RayCounters& counters) const;
   /// Places samples; what the source is there, `look` finds.
   void march_stretch(MediumRecord& record, size_t ray, size_t stretch, std::span<const double> ends,
                      double phase) const;

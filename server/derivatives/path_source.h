@@ -8,7 +8,7 @@
 
 namespace fogbank::derivatives {
 
-class PathTracedSource final : public MediumSource, public SurfaceSource {
+class PathTracedSource final : public MediumSource, public LineSource, public SurfaceSource {
  public:
   /// `depth`: scattering events between the camera and the points asked for; 1 for a record that the camera
   /// sees.
@@ -30,6 +30,10 @@ class PathTracedSource final : public MediumSource, public SurfaceSource {
     }
     return samples > 1 ? sum / static_cast<float>(samples) : sum;
   }
+
+  /// Whatever the medium's phase function.
+  Spectrum in_scattered(const Ray& ray, float length, int32_t medium, RandomStream& random,
+                        RayCounters& counters) const override;
 
  private:
   std::shared_ptr<const transport::PathTracer> kernel_;

@@ -28,6 +28,16 @@ class MediumSource {
   virtual bool exact() const { return false; }
 };
 
+/// Light that a medium sends along lines.
+class LineSource {
+ public:
+  virtual ~LineSource() = default;
+  /// Radiance that `medium` scatters against `ray` between its origin and `length` (may be infinite), with
+  /// the transmittance up to there. One unbiased sample; finite, >= 0. Draws only from `random`.
+  virtual Spectrum in_scattered(const Ray& ray, float length, int32_t medium, RandomStream& random,
+                                RayCounters& counters) const = 0;
+};
+
 /// What a ray ended at.
 struct SurfaceHit {
   scene::SurfaceInteraction surface;

@@ -32,6 +32,7 @@ class PathTracer {
       : world_(std::move(world)), settings_(settings) {}
 
   const World& world() const { return *world_; }
+  const PathSettings& settings() const { return settings_; }
 
   /// Radiance that arrives along a camera ray.
   Spectrum radiance(const Ray& ray, RandomStream& random, RayCounters& counters) const;
