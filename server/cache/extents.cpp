@@ -12,6 +12,7 @@ namespace {
 
 /// What verifying needs of a place.
 struct Field {
+  Quantity quantity;
   Vec3f position;
   Vec3f normal;
   float radiance;  ///< luminance
@@ -23,7 +24,7 @@ Field field_of(const Place& place) {
   Vec3f gradient;
   for (int axis = 0; axis < 3; ++axis)
     gradient[axis] = luminance({place.gradient[0][axis], place.gradient[1][axis], place.gradient[2][axis]});
-  return {place.position, place.normal, luminance(place.radiance), gradient, place.variance};
+  return {place.quantity, place.position, place.normal, luminance(place.radiance), gradient, place.variance};
 }
 
 void lower(float& value, float candidate) {
@@ -40,9 +41,10 @@ bool reaches(const RecordSet& set, const ComponentRange& range, uint32_t place, 
   return true;
 }
 
-double tolerance_of(const MetricSettings& settings, const Ellipsoid& ellipsoid, bool on_surface) {
-  return on_surface ? verify_tolerance_on_surface(surface_threshold(settings), ellipsoid)
-                    : verify_tolerance(settings.threshold, ellipsoid);
+double tolerance_of(const MetricSettings& settings, const Ellipsoid& ellipsoid, const Field& field) {
+  if (is_unaware(field.quantity)) return std::max(settings.first_order_change, 0.005);
+  return field.normal != Vec3f(0) ? verify_tolerance_on_surface(surface_threshold(settings), ellipsoid)
+                                  : verify_tolerance(settings.threshold, ellipsoid);
 }
 
 /// Guard 3: factor of each ellipsoid.
@@ -68,7 +70,8 @@ std::vector<float> verified_scales(const RecordSet& set, const ComponentRange& r
                 tree.normalised_square(i, broadcast(offset.x), broadcast(offset.y), broadcast(offset.z))[0];
             if (!(square < 1)) continue;
             if (settings.guards.depth && !reaches(set, range, i, offset)) continue;
-            const float predicted = std::max(record.radiance + glm::dot(record.gradient, offset), 0.0f);
+            const float predicted =
+                extrapolated(record.quantity, record.radiance, glm::dot(record.gradient, offset));
             const double error =
                 std::fabs(static_cast<double>(predicted) - static_cast<double>(probe.radiance));
             const double reference =
@@ -76,8 +79,7 @@ std::vector<float> verified_scales(const RecordSet& set, const ComponentRange& r
             // Two standard deviations are left to noise: what it explains is no contradiction.
             const double noise =
                 2 * std::sqrt(static_cast<double>(record.variance) + static_cast<double>(probe.variance));
-            const double tolerance =
-                tolerance_of(settings, ellipsoids[i], record.normal != Vec3f(0)) * reference + noise;
+            const double tolerance = tolerance_of(settings, ellipsoids[i], record) * reference + noise;
             if (error > tolerance)
               lower(scales[i],
                     std::sqrt(square) * std::max(static_cast<float>(std::sqrt(tolerance / error)), 0.5f));

@@ -15,15 +15,20 @@ Float8 select(Int8 condition, Float8 values) {
   return std::bit_cast<Float8>(std::bit_cast<Int8>(values) & condition);
 }
 
-/// M + g . dx for each of eight offsets.
-std::array<Float8, 3> extrapolate(const Shading& shading, Float8 x, Float8 y, Float8 z) {
+/// What a record says at each of eight offsets; linear extrapolation may still be negative.
+std::array<Float8, 3> extrapolate(Quantity quantity, const Shading& shading, Float8 x, Float8 y, Float8 z) {
   using derivatives::multiply_add;
   std::array<Float8, 3> result;
   for (int channel = 0; channel < 3; ++channel) {
     const auto along = [&](size_t axis) { return broadcast(shading.derivatives[axis][channel]); };
-    const Float8 along_z = multiply_add<float>(along(2), z, broadcast(shading.radiance[channel]));
-    result[static_cast<size_t>(channel)] =
-        multiply_add<float>(along(0), x, multiply_add<float>(along(1), y, along_z));
+    const float radiance = shading.radiance[channel];
+    // Sums begin with the radiance where it is what is extrapolated.
+    const bool linear = !is_unaware(quantity);
+    const Float8 along_z = multiply_add<float>(along(2), z, broadcast(linear ? radiance : 0.0f));
+    Float8& value = result[static_cast<size_t>(channel)];
+    value = multiply_add<float>(along(0), x, multiply_add<float>(along(1), y, along_z));
+    if (linear) continue;
+    for (int lane = 0; lane < 8; ++lane) value[lane] = extrapolated(quantity, radiance, value[lane]);
   }
   return result;
 }
@@ -179,14 +184,15 @@ void Index::add(const PointBundle& points, uint32_t place, Sums& sums) const {
   const Float8 weight = select(holds, d * d * (3.0f - 2.0f * d));
   std::array<Float8, 3> value;
   if (end == begin + 1) {
-    value = extrapolate(set_->shading()[begin], x, y, z);
+    value = extrapolate(range_->component.quantity, set_->shading()[begin], x, y, z);
   } else {
     value = {};
     float total = 0;
     for (size_t record = begin; record < end; ++record) {
       const auto samples = static_cast<float>(set_->samples(record));
       total += samples;
-      const std::array<Float8, 3> one = extrapolate(set_->shading()[record], x, y, z);
+      const std::array<Float8, 3> one =
+          extrapolate(range_->component.quantity, set_->shading()[record], x, y, z);
       for (size_t channel = 0; channel < 3; ++channel) value[channel] += samples * one[channel];
     }
     for (Float8& channel : value) channel /= total;

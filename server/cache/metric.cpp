@@ -25,6 +25,7 @@ bool not_negative(double value) { return std::isfinite(value) && value >= 0; }
 
 void validate(const MetricSettings& settings) {
   if (!positive(settings.threshold)) refuse("threshold", "positive");
+  if (!positive(settings.first_order_change)) refuse("first_order_change", "positive");
   if (!positive(settings.radiance_floor)) refuse("radiance_floor", "positive");
   if (!(settings.maximum_anisotropy >= 1 && settings.maximum_anisotropy <= 1e4))
     refuse("maximum_anisotropy", "between 1 and 10000");
@@ -205,7 +206,19 @@ std::array<double, static_cast<size_t>(Dim)> semi_axes_of(const MetricSettings& 
 
 }  // namespace
 
+float extrapolated(Quantity quantity, float radiance, float change) {
+  constexpr float greatest_brightening = 4;
+  if (!is_unaware(quantity)) return std::max(radiance + change, 0.0f);
+  return radiance > 0 ? radiance * std::min(std::exp(change / radiance), greatest_brightening) : 0.0f;
+}
+
 Ellipsoid base_ellipsoid(const MetricSettings& settings, const Place& place) {
+  if (is_unaware(place.quantity)) {
+    Ellipsoid sphere{{Vec3f(1, 0, 0), Vec3f(0, 1, 0), Vec3f(0, 0, 1)}, {}};
+    sphere.semi_axes.fill(static_cast<float>(
+        std::min(settings.maximum_radius, settings.first_order_change * static_cast<double>(place.proxy))));
+    return sphere;
+  }
   Symmetric3d hessian;
   for (size_t i = 0; i < hessian.entries.size(); ++i)
     hessian.entries[i] = static_cast<double>(place.hessian.entries[i]);

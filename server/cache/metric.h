@@ -46,6 +46,9 @@ struct MetricSettings {
   /// eps: the integral of the extrapolation error over an extent is threshold * reference radiance. Unit
   /// length^3 (eps_rel * ell^3 of method.md section 10.1). > 0.
   double threshold = 0;
+  /// Of is_unaware() quantities, instead of the threshold: change of the radiance across a radius, relative
+  /// to it, if all samples change alike. > 0.
+  double first_order_change = 0.2;
   double radiance_floor = 0;  ///< > 0; in the unit of radiance
   Reference reference = Reference::local;
   Shape shape = Shape::ellipsoid;
@@ -109,6 +112,11 @@ double reference_radiance(const MetricSettings& settings, double luminance);
 /// Smallest radius at `position`: minimum_radius, or minimum_pixels in the nearest footprint if that is
 /// larger.
 float minimum_radius(const MetricSettings& settings, const Vec3f& position);
+
+/// Radiance that a record claims where linear extrapolation changes it by `change`, one channel, >= 0: linear
+/// (method.md section 11) or, of is_unaware() quantities, the logarithm's (Jarosz et al. 2008), which may
+/// brighten at most fourfold, because below the minimum radius nothing else bounds it.
+float extrapolated(Quantity quantity, float radiance, float change);
 
 /// Extent of a place by itself, on a surface (Place::normal) of two dimensions and flat across: metric,
 /// maximum radius, cap by the gradient (extrapolation stays positive), visibility margin. Guards that need

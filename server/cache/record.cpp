@@ -71,7 +71,7 @@ Record canonical(const Record& record) {
 }
 
 bool has_particular(Quantity quantity) {
-  return quantity == Quantity::irradiance || quantity == Quantity::ratio;
+  return quantity == Quantity::irradiance || quantity == Quantity::ratio || is_unaware(quantity);
 }
 
 uint32_t pack_particular(const Record& record) {

@@ -28,11 +28,17 @@ enum class Quantity : uint8_t {
   /// rho = M / Mhat of the light group's emitter: share of its closed-form unoccluded proxy that arrives
   /// (ratio-records.md section 1); grey for lights of constant colour. Record::proxy is Mhat's luminance.
   ratio,
-  /// `rest` as the occlusion-unaware rival makes it (method.md section 9).
+  /// `rest` as the occlusion-unaware rival makes it, with its radius and extrapolation (Jarosz et al. 2008;
+  /// method.md section 9): no Hessian, Record::proxy is the length of change.
   unaware_rest,
   /// Mean radiance straight from emitters, as the rival makes it.
   unaware_direct,
 };
+
+/// Whether a quantity has the rival's radius of first order and extrapolation of the logarithm.
+constexpr bool is_unaware(Quantity quantity) {
+  return quantity == Quantity::unaware_rest || quantity == Quantity::unaware_direct;
+}
 
 /// The part of the light field that a record describes. Records of different components are never mixed.
 struct Component {
@@ -55,8 +61,10 @@ struct Record {
   std::array<Vec3f, 3> gradient{};  ///< of each channel of it, per scene unit
   Symmetric3f hessian;              ///< of its luminance, per scene unit squared
   Vec3f normal{0};                  ///< Quantity::irradiance: unit, of the surface; else 0
-  float proxy = 0;                  ///< Quantity::ratio: luminance of Mhat, >= 0; else 0
-  DepthBins depth;                  ///< distance to the nearest surface, by direction
+  /// Quantity::ratio: luminance of Mhat. Of is_unaware(): length of change sum |L_i| / sum |grad L_i| over
+  /// the samples, scene units. Else 0. >= 0.
+  float proxy = 0;
+  DepthBins depth;  ///< distance to the nearest surface, by direction
   /// Distance to the next visibility event of a directly sampled light, > 0; infinity where there is none
   /// (guard 2 of method.md section 10.4 in the exact form of ratio-records.md section 2).
   float visibility_margin = std::numeric_limits<float>::infinity();

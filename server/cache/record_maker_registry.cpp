@@ -2,6 +2,7 @@
 #include "cache/record_maker.h"
 #include "cache/record_makers/irradiance.h"
 #include "cache/record_makers/rest.h"
+#include "cache/record_makers/unaware.h"
 #include "core/error.h"
 
 namespace fogbank::cache {
@@ -14,6 +15,9 @@ std::unique_ptr<RecordMaker> make_record_maker(Quantity quantity,
       return std::make_unique<RestRecordMaker>(std::move(world), settings);
     case Quantity::irradiance:
       return std::make_unique<IrradianceRecordMaker>(std::move(world), settings);
+    case Quantity::unaware_rest:
+    case Quantity::unaware_direct:
+      return std::make_unique<UnawareRecordMaker>(quantity, std::move(world), settings);
     default:
       throw Error(ErrorKind::invalid_argument, "INVALID_SETTINGS",
                   "record maker: nobody makes this quantity");

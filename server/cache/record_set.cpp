@@ -257,6 +257,7 @@ Place RecordSet::place(const ComponentRange& range, uint32_t place) const {
   Symmetric3d hessian;
   double variance = 0;
   Place result;
+  result.quantity = range.component.quantity;
   result.visibility_margin = std::numeric_limits<float>::infinity();
   for (size_t i = begin; i < end; ++i) {
     const double share = details_[i].samples / total;

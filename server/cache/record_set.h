@@ -37,6 +37,7 @@ struct ComponentRange {
 /// What the records of a place say together: means weighted by samples (records with different ids are
 /// independent, M, gradient and Hessian are linear), the most cautious margin.
 struct Place {
+  Quantity quantity = Quantity::rest;
   Vec3f position{0};
   Spectrum radiance{0};
   std::array<Vec3f, 3> gradient{};  ///< of each channel

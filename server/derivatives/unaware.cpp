@@ -54,7 +54,7 @@ struct Unaware::Gather {
   float march_phase = 0;  ///< the same along all directions
   RandomStream march_random;
   RayCounters& counters;
-  RadianceJet sum;
+  UnawareEstimate sum;
 
   /// `r`, kept from being too short.
   Vec3d kept_apart(const Vec3d& r) const {
@@ -69,10 +69,13 @@ struct Unaware::Gather {
   void add(const Spectrum& value, const Geometry& geometry, const RadianceJet& transmittance) {
     const bool value_only = owner.settings_.derivatives == DerivativeOrder::value;
     const Jet3d rest = value_only ? Jet3d::constant(1) : geometry();
+    RadianceJet sample;
     for (int c = 0; c < 3; ++c) {
       const auto channel = static_cast<size_t>(c);
-      sum.channels[channel] += rest * transmittance.channels[channel] * static_cast<double>(value[c]);
+      sample.channels[channel] = rest * transmittance.channels[channel] * static_cast<double>(value[c]);
     }
+    sum.mean += sample;
+    sum.gradient_magnitude += glm::length(sample.luminance().gradient);
   }
 };
 
@@ -86,7 +89,7 @@ Unaware::Unaware(std::shared_ptr<const transport::World> world, const EstimatorS
   emitters_ += static_cast<int32_t>(world_->environments().size());
 }
 
-RadianceJet Unaware::estimate(const Vec3f& x, uint32_t repeat, RayCounters& counters) const {
+UnawareEstimate Unaware::estimate_changes(const Vec3f& x, uint32_t repeat, RayCounters& counters) const {
   RandomStream march_random = random_at(x, settings_.seed, repeat, march_stream);
   const float phase = march_random.next_float();
   Gather gather{.owner = *this,

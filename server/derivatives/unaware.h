@@ -16,6 +16,13 @@
 
 namespace fogbank::derivatives {
 
+/// An estimate with what the rival's first-order radius follows from.
+struct UnawareEstimate {
+  RadianceJet mean;
+  /// Sum of the magnitudes of the single samples' gradients of luminance: at least |gradient| of the mean's.
+  double gradient_magnitude = 0;
+};
+
 class Unaware final : public Estimator {
  public:
   /// Each light gets settings.samples / 5 shadow rays (about the rays of the other method's light grid and
@@ -23,7 +30,11 @@ class Unaware final : public Estimator {
   /// four points along each of those.
   Unaware(std::shared_ptr<const transport::World> world, const EstimatorSettings& settings);
 
-  RadianceJet estimate(const Vec3f& x, uint32_t repeat, RayCounters& counters) const override;
+  RadianceJet estimate(const Vec3f& x, uint32_t repeat, RayCounters& counters) const override {
+    return estimate_changes(x, repeat, counters).mean;
+  }
+  /// `estimate`; the magnitude is 0 where settings.derivatives is `value`.
+  UnawareEstimate estimate_changes(const Vec3f& x, uint32_t repeat, RayCounters& counters) const;
 
  private:
   struct Gather;

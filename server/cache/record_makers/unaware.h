@@ -1,0 +1,29 @@
+// The occlusion-unaware rival's records, after Jarosz, Donner, Zwicker and Jensen 2008, "Radiance Caching for
+// Participating Media" (method.md section 9): gradients with visibility held constant, no Hessian, and the
+// length of change that the first-order radius follows from.
+#pragma once
+
+#include "cache/record_maker.h"
+#include "derivatives/unaware.h"
+
+namespace fogbank::cache {
+
+class UnawareRecordMaker final : public RecordMaker {
+ public:
+  /// `quantity`: unaware_rest or unaware_direct. Light straight from emitters gets the same rays in both.
+  UnawareRecordMaker(Quantity quantity, std::shared_ptr<const transport::World> world,
+                     const RecordMakerSettings& settings);
+
+  /// Of the wish's generation 0; `sources` are not read.
+  Record make(const Wish& wish, const Epoch* sources, RayCounters& counters) const override;
+  std::vector<Wish> sources_of(const Wish& wish, int32_t count, RayCounters& counters) const override;
+
+ private:
+  DepthBins look_around(const Vec3f& position, RayCounters& counters) const;
+
+  std::shared_ptr<const transport::World> world_;
+  derivatives::EstimatorSettings settings_;
+  derivatives::Unaware estimator_;
+};
+
+}  // namespace fogbank::cache
