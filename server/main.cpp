@@ -15,7 +15,7 @@
 #include <filesystem>
 #include <string>
 
-#include "service/files.h"
+#include "core/files.h"
 #include "service/server.h"
 
 namespace {
@@ -88,7 +88,7 @@ int main(int argc, char** argv) {
   try {
     fogbank::service::Server server(options);
     spdlog::info("fogbankd {} listens on {}", FOGBANK_VERSION, server.target());
-    if (!port_file.empty()) fogbank::service::write_file_durably(port_file, server.target() + "\n");
+    if (!port_file.empty()) fogbank::write_file_durably(port_file, server.target() + "\n");
     wait_for_end(signals, exit_with_stdin);
     spdlog::info("stopping");
     server.stop();

@@ -9,22 +9,53 @@ namespace {
 
 /// Raised whenever the same description begins to mean another radiance field.
 constexpr const char* format = "fogbank radiance field 1";
+constexpr const char* transport_format = "fogbank transport 1";
 
 std::string bits(double value) {
   // -0 and 0 are the same number.
   return std::to_string(std::bit_cast<uint64_t>(value == 0 ? 0.0 : value)) + " ";
 }
 
+/// The property of an emitter that all it sends out is proportional to; null where it has none.
+const Property* scale_of(const ObjectDescription& emitter) {
+  const Property* scale = nullptr;
+  for (const char* name : {"radiance", "irradiance", "intensity", "scale"})
+    if (const Property* found = emitter.find(name)) scale = found;
+  return scale != nullptr && std::holds_alternative<ObjectPointer>(scale->value) ? nullptr : scale;
+}
+
+Spectrum emission_scale(const ObjectDescription& emitter) {
+  const Property* scale = scale_of(emitter);
+  if (scale == nullptr) return Spectrum(1);
+  if (const auto* spectrum = std::get_if<Spectrum>(&scale->value)) return *spectrum;
+  if (const auto* number = std::get_if<double>(&scale->value)) return Spectrum(static_cast<float>(*number));
+  if (const auto* number = std::get_if<int64_t>(&scale->value)) return Spectrum(static_cast<float>(*number));
+  return Spectrum(1);
+}
+
+enum class Emission : uint8_t { with_scale, without_scale };
+
 class Canonical {
  public:
-  explicit Canonical(ContentHashes& hashes) : hashes_(hashes) {}
+  explicit Canonical(ContentHashes& hashes, Emission emission = Emission::with_scale)
+      : hashes_(hashes), emission_(emission) {}
 
   /// Hash over hashes, each object once: a few references to references would else multiply without bound.
   const std::string& hash(const ObjectPointer& object) {
     if (const auto known = known_.find(object); known != known_.end()) return known->second;
     std::vector<std::string> lines;
+    const Property* left_out = nullptr;
+    if (emission_ == Emission::without_scale && object->tag == "emitter") {
+      left_out = scale_of(*object);
+      // What is black in a channel stays black under any factor.
+      const Spectrum scale = emission_scale(*object);
+      for (int channel = 0; channel < 3; ++channel)
+        lines.emplace_back(scale[channel] == 0 ? "black in " + std::to_string(channel) : "");
+    }
     for (const Property& property : object->properties)
-      lines.push_back(property.name + "\n" + std::to_string(property.value.index()) + " " + value(property));
+      if (&property != left_out)
+        lines.push_back(property.name + "\n" + std::to_string(property.value.index()) + " " +
+                        value(property));
     std::sort(lines.begin(), lines.end());
     Sha256 digest;
     add(digest, object->tag);
@@ -64,13 +95,12 @@ class Canonical {
   }
 
   ContentHashes& hashes_;
+  Emission emission_;
   std::map<ObjectPointer, std::string> known_;
 };
 
-}  // namespace
-
-std::string radiance_fingerprint(const std::vector<ObjectPointer>& objects, ContentHashes& hashes) {
-  Canonical canonical(hashes);
+/// Hashes of all that light meets, in file order, the medium around the camera among them.
+std::vector<std::string> parts_of(const std::vector<ObjectPointer>& objects, Canonical& canonical) {
   std::vector<std::string> parts;
   bool has_sensor = false;
   for (const ObjectPointer& object : objects) {
@@ -82,11 +112,33 @@ std::string radiance_fingerprint(const std::vector<ObjectPointer>& objects, Cont
           nested && (*nested)->tag == "medium")
         parts.push_back("camera in " + canonical.hash(*nested));
   }
+  return parts;
+}
+
+}  // namespace
+
+std::string radiance_fingerprint(const std::vector<ObjectPointer>& objects, ContentHashes& hashes) {
+  Canonical canonical(hashes);
+  std::vector<std::string> parts = parts_of(objects, canonical);
   std::sort(parts.begin(), parts.end());
   Sha256 digest;
   Canonical::add(digest, format);
   for (const std::string& part : parts) Canonical::add(digest, part);
   return digest.finish();
+}
+
+FieldIdentity field_identity(const std::vector<ObjectPointer>& objects,
+                             const std::vector<ObjectPointer>& media,
+                             const std::vector<ObjectPointer>& emitters, ContentHashes& hashes) {
+  Canonical canonical(hashes, Emission::without_scale);
+  FieldIdentity identity;
+  Sha256 digest;
+  Canonical::add(digest, transport_format);
+  for (const std::string& part : parts_of(objects, canonical)) Canonical::add(digest, part);
+  for (const ObjectPointer& medium : media) Canonical::add(digest, "medium " + canonical.hash(medium));
+  for (const ObjectPointer& emitter : emitters) identity.emission.push_back(emission_scale(*emitter));
+  identity.transport = digest.finish();
+  return identity;
 }
 
 }  // namespace fogbank::scene

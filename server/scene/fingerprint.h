@@ -6,6 +6,7 @@
 
 #include "scene/content_hashes.h"
 #include "scene/description.h"
+#include "scene/field_identity.h"
 
 namespace fogbank::scene {
 
@@ -15,5 +16,11 @@ namespace fogbank::scene {
 /// objects that nothing refers to, and the order of elements and parameters. `objects` stand directly in the
 /// scene.
 std::string radiance_fingerprint(const std::vector<ObjectPointer>& objects, ContentHashes& hashes);
+
+/// `objects` as above, `media` and `emitters` in the order of their indices. Unlike the fingerprint above it
+/// depends on the order of shapes, emitters and media, since cached records refer to indices.
+FieldIdentity field_identity(const std::vector<ObjectPointer>& objects,
+                             const std::vector<ObjectPointer>& media,
+                             const std::vector<ObjectPointer>& emitters, ContentHashes& hashes);
 
 }  // namespace fogbank::scene

@@ -80,6 +80,7 @@ std::shared_ptr<Scene> load_scene(const std::string& main_path, std::shared_ptr<
     throw Error(ErrorKind::invalid_argument, "COORDINATE_TOO_LARGE",
                 "the scene's instances extend beyond " + number_text(LoadLimits::coordinate));
   scene->fingerprint = radiance_fingerprint(parsed.objects, hashes);
+  scene->field = field_identity(parsed.objects, builder.media(), scene->emitters, hashes);
   scene->load_times.meshes = mesh_watch.seconds();
 
   scene->textures = std::make_unique<TextureLibrary>(files, scene->lenient ? &scene->warnings : nullptr);

@@ -8,6 +8,7 @@
 
 #include "core/vector.h"
 #include "scene/description.h"
+#include "scene/field_identity.h"
 #include "scene/intersector.h"
 #include "scene/medium.h"
 #include "scene/mesh.h"
@@ -56,6 +57,7 @@ struct Scene {
   BoundingSphere bounds;    ///< of all surfaces; radius > 0 unless the scene is empty
   std::string fingerprint;  ///< 64 hex digits: SHA-256 over everything the radiance field depends on, file
                             ///< contents included
+  FieldIdentity field;      ///< what cached light is kept by: unlike the fingerprint apart from emission
   bool lenient = false;
   std::vector<std::string> warnings;
   LoadTimes load_times;

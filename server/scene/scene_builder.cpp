@@ -43,6 +43,12 @@ int32_t SceneBuilder::medium(const ObjectPointer& description) {
   return index;
 }
 
+std::vector<ObjectPointer> SceneBuilder::media() const {
+  std::vector<ObjectPointer> result(scene_.media.size());
+  for (const auto& [description, index] : media_) result[static_cast<size_t>(index)] = description;
+  return result;
+}
+
 void SceneBuilder::add_emitter(const ObjectPointer& description) {
   if (shape_emitters_.count(description) == 0) scene_.emitters.push_back(description);
 }

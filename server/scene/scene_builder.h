@@ -26,6 +26,8 @@ class SceneBuilder {
   bool passes_light(const ObjectPointer& bsdf);
   /// Index in `Scene::media`. Throws as `read_medium`.
   int32_t medium(const ObjectPointer& description);
+  /// Descriptions of `Scene::media`.
+  std::vector<ObjectPointer> media() const;
 
   /// Adds one `<shape>` with its mesh, BSDF, media and area light; `shapegroup` and `instance` too. Throws
   /// SceneError.

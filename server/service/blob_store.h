@@ -12,8 +12,8 @@
 #include <string>
 #include <string_view>
 
+#include "core/files.h"
 #include "core/sha256.h"
-#include "service/files.h"
 
 namespace fogbank::service {
 

@@ -4,8 +4,8 @@
 #include <filesystem>
 #include <string>
 
+#include "core/files.h"
 #include "service/answers.h"
-#include "service/files.h"
 #include "service/limits.h"
 #include "service/names.h"
 

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/files.h"
 #include "core/sha256.h"
 #include "render/exr.h"
-#include "service/files.h"
 #include "service/limits.h"
 #include "service/messages.h"
 #include "service/names.h"

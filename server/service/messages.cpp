@@ -7,7 +7,7 @@
 
 #include <chrono>
 
-#include "service/files.h"
+#include "core/files.h"
 #include "service/rpc_error.h"
 
 namespace fogbank::service {

@@ -14,11 +14,11 @@
 #include <cstdlib>
 #include <thread>
 
+#include "core/files.h"
 #include "grpc/health/v1/health.pb.h"
 #include "scene/intersector.h"
 #include "service/blob_store.h"
 #include "service/channel_arguments.h"
-#include "service/files.h"
 #include "service/flatland_service.h"
 #include "service/job_table.h"
 #include "service/limits.h"

@@ -6,12 +6,12 @@
 #include <fstream>
 #include <vector>
 
+#include "core/files.h"
 #include "core/sha256.h"
 #include "derivatives/estimator.h"
 #include "integrators/integrator.h"
 #include "service/answers.h"
 #include "service/channel_arguments.h"
-#include "service/files.h"
 #include "service/limits.h"
 #include "service/messages.h"
 #include "transport/bsdf.h"

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/files.h"
 #include "core/sha256.h"
 #include "render/exr_reader.h"
 #include "render/tiles.h"
-#include "service/files.h"
 #include "service/rpc_error.h"
 
 namespace fogbank::service {

@@ -7,54 +7,17 @@
 
 #include "cache/hilbert.h"
 #include "core/error.h"
-#include "record_clouds.h"
+#include "varied_records.h"
 
 namespace fogbank::cache {
 namespace {
 
-using test::Layout;
-using test::make_cloud;
-
-std::vector<Record> all(const RecordSet& set) {
-  std::vector<Record> records;
-  for (size_t i = 0; i < set.size(); ++i) records.push_back(set.record(i));
-  return records;
-}
-
-bool same(const std::vector<Record>& a, const std::vector<Record>& b) {
-  return a.size() == b.size() &&
-         (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(Record)) == 0);
-}
-
-bool same(const RecordSet& a, const RecordSet& b) { return same(all(a), all(b)); }
-
-/// Records of several components, some places with several records, all numbers in use.
-std::vector<Record> varied(size_t count, uint64_t seed) {
-  std::vector<Record> records = make_cloud(Layout::sheets, count, 12, seed);
-  RandomStream random(seed, 0, 0, 0, 9);
-  for (size_t i = 0; i < count; ++i) {
-    Record& record = records[i];
-    if (i % 4 == 3) record.position = records[i - 1].position;
-    constexpr Quantity quantities[] = {Quantity::rest, Quantity::irradiance, Quantity::ratio};
-    record.component = {static_cast<int32_t>(i / 4 % 2), static_cast<uint16_t>(i / 8 % 3), 1,
-                        quantities[i / 12 % 3]};
-    if (record.component.quantity == Quantity::irradiance)
-      record.normal = square_to_uniform_sphere(random.next_vec2());
-    if (record.component.quantity == Quantity::ratio) record.proxy = random.next_float();
-    record.radiance = {random.next_float(), random.next_float(), random.next_float()};
-    for (Vec3f& gradient : record.gradient)
-      gradient = {random.next_float(), random.next_float(), random.next_float()};
-    record.depth.insert({1, random.next_float(), 0}, random.next_float());
-    record.visibility_margin = 0.1f + random.next_float();
-    record.samples = 1 + i % 5;
-    record.variance = random.next_float();
-    record.id = content_id(record.position, record.component, "varied", seed * count + i);
-  }
-  return records;
-}
+using test::all;
+using test::same;
+using test::varied_records;
 
 TEST(RecordSet, KeepsEveryNumber) {
-  std::vector<Record> records = varied(1000, 1);
+  std::vector<Record> records = varied_records(1000, 1);
   const RecordSet set(records);
   for (Record& record : records) record = canonical(record);
   ASSERT_EQ(set.size(), records.size());
@@ -66,7 +29,7 @@ TEST(RecordSet, KeepsEveryNumber) {
 }
 
 TEST(RecordSet, OrderIsAFunctionOfTheSet) {
-  std::vector<Record> records = varied(500, 2);
+  std::vector<Record> records = varied_records(500, 2);
   const RecordSet set(records);
   std::reverse(records.begin(), records.end());
   EXPECT_TRUE(same(set, RecordSet(records)));
@@ -76,7 +39,7 @@ TEST(RecordSet, OrderIsAFunctionOfTheSet) {
 }
 
 TEST(RecordSet, UnionIsCommutativeAssociativeIdempotent) {
-  const std::vector<Record> records = varied(600, 3);
+  const std::vector<Record> records = varied_records(600, 3);
   const RecordSet a(std::vector<Record>(records.begin(), records.begin() + 300));
   const RecordSet b(std::vector<Record>(records.begin() + 200, records.begin() + 450));
   const RecordSet c(std::vector<Record>(records.begin() + 400, records.end()));
@@ -91,7 +54,7 @@ TEST(RecordSet, UnionIsCommutativeAssociativeIdempotent) {
 TEST(RecordSet, UnionOfRandomPartsIsTheWhole) {
   for (uint64_t seed = 0; seed < 20; ++seed) {
     RandomStream random(seed, 1, 0, 0);
-    std::vector<Record> records = varied(200, 30 + seed);
+    std::vector<Record> records = varied_records(200, 30 + seed);
     // In some rounds a few records lie far out, so that parts are ordered along different curves.
     if (seed % 3 == 0) records[7].position *= 100.0f;
     std::array<std::vector<Record>, 4> parts;
@@ -114,7 +77,7 @@ TEST(RecordSet, UnionOfRandomPartsIsTheWhole) {
 }
 
 TEST(RecordSet, DisagreementIsSettledTheSameWayInAnyOrder) {
-  std::vector<Record> records = varied(10, 4);
+  std::vector<Record> records = varied_records(10, 4);
   Record other = records[5];
   other.radiance.x += 0x1p-20f;
   size_t conflicts = 0;
@@ -134,7 +97,7 @@ TEST(RecordSet, DisagreementIsSettledTheSameWayInAnyOrder) {
 }
 
 TEST(RecordSet, GroupsByComponentAndPlace) {
-  const RecordSet set(varied(400, 5));
+  const RecordSet set(varied_records(400, 5));
   size_t records = 0;
   for (const ComponentRange& range : set.components()) {
     EXPECT_EQ(range.first_record, records);
@@ -161,7 +124,7 @@ TEST(RecordSet, SidesOfASurfaceAreDifferentPlaces) {
 }
 
 TEST(RecordSet, CanonicalIsIdempotent) {
-  for (Record record : varied(200, 6)) {
+  for (Record record : varied_records(200, 6)) {
     record.position.x = -0.0f;
     record.position.y = 1e-40f;
     const Record once = canonical(record);

@@ -353,6 +353,46 @@ TEST(Fingerprint, DependsOnContentsOfFilesNotNames) {
   EXPECT_NE(print("a.obj", triangle), print("a.obj", triangle + "# comment\n"));
 }
 
+TEST(FieldIdentity, KeepsEmissionApart) {
+  const auto scene = [](const std::string& sky, const std::string& lamp) {
+    return load(R"(<shape type="cube"><medium name="interior" type="homogeneous"/></shape>
+        <emitter type="constant">)" +
+                sky + R"(</emitter>
+        <shape type="sphere"><emitter type="area">)" +
+                lamp + "</emitter></shape>")
+        ->field;
+  };
+  const FieldIdentity one =
+      scene("", "<rgb name='radiance' value='1, 2, 4'/><float name='sampling_weight' value='2'/>");
+  EXPECT_EQ(one.transport.size(), 64u);
+  ASSERT_EQ(one.emission.size(), 2u);
+  EXPECT_EQ(one.emission[0], Spectrum(1, 2, 4)) << "lights of shapes first, as in Scene::emitters";
+  EXPECT_EQ(one.emission[1], Spectrum(1));
+  const FieldIdentity other =
+      scene("<float name='radiance' value='3'/>",
+            "<rgb name='radiance' value='2, 1, 1'/><float name='sampling_weight' value='2'/>");
+  EXPECT_EQ(one.transport, other.transport);
+  EXPECT_EQ(other.emission[1], Spectrum(3));
+  EXPECT_NE(
+      one.transport,
+      scene("", "<rgb name='radiance' value='1, 2, 0'/><float name='sampling_weight' value='2'/>").transport)
+      << "what a channel lacks no factor brings";
+  EXPECT_NE(one.transport, scene("", "<rgb name='radiance' value='1, 2, 4'/>").transport);
+}
+
+TEST(FieldIdentity, FollowsTheOrderOfIndices) {
+  const auto transport = [](const std::string& body) { return load(body)->field.transport; };
+  const std::string cube = "<shape type='cube'><medium name='interior' type='homogeneous'/></shape>";
+  const std::string sphere =
+      "<shape type='sphere'><medium name='interior' type='homogeneous'><float name='scale' value='2'/>"
+      "</medium></shape>";
+  EXPECT_NE(transport(cube + sphere), transport(sphere + cube)) << "records name media by number";
+  EXPECT_EQ(transport(cube + sphere),
+            transport("<integrator type='path'/>" + cube + "<sensor type='perspective'/>" + sphere));
+  EXPECT_NE(transport(cube), transport("<medium type='homogeneous' id='unused'/>" + cube))
+      << "a medium more may shift numbers";
+}
+
 TEST(Fingerprint, SharedReferencesCostOnce) {
   // 2^40 paths lead to the innermost BSDF.
   std::string body = "<bsdf type='diffuse' id='b0'/>";

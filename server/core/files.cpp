@@ -1,4 +1,4 @@
-#include "service/files.h"
+#include "core/files.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -9,9 +9,9 @@
 #include <cstring>
 #include <utility>
 
-#include "service/rpc_error.h"
+#include "core/error.h"
 
-namespace fogbank::service {
+namespace fogbank {
 
 FileDescriptor& FileDescriptor::operator=(FileDescriptor&& other) noexcept {
   if (this != &other) {
@@ -49,11 +49,9 @@ void sync_file(const FileDescriptor& file, const std::filesystem::path& path) {
   if (::fsync(file.get()) != 0) throw_file_error(errno, "syncing", path);
 }
 
-namespace {
 void sync_folder(const std::filesystem::path& folder) {
   sync_file(open_file(folder, O_RDONLY | O_DIRECTORY), folder);
 }
-}  // namespace
 
 void rename_durably(const std::filesystem::path& from, const std::filesystem::path& to) {
   if (::rename(from.c_str(), to.c_str()) != 0) throw_file_error(errno, "renaming", from);
@@ -64,7 +62,7 @@ void rename_durably(const std::filesystem::path& from, const std::filesystem::pa
 void write_file_durably(const std::filesystem::path& path, std::string_view bytes) {
   static std::atomic<uint64_t> counter = 0;
   std::filesystem::path temporary = path;
-  temporary += "." + std::to_string(++counter) + ".tmp";
+  temporary += "." + std::to_string(::getpid()) + "." + std::to_string(++counter) + ".tmp";
   try {
     const FileDescriptor file = open_file(temporary, O_WRONLY | O_CREAT | O_TRUNC);
     write_all(file, bytes, path);
@@ -103,12 +101,9 @@ std::string read_range(const std::filesystem::path& path, int64_t offset, int64_
 }
 
 void throw_file_error(int error, const std::string& action, const std::filesystem::path& path) {
-  const std::string message =
-      action + " " + path.filename().string() + " in the data directory failed: " + std::strerror(error);
-  if (error == ENOSPC || error == EDQUOT) {
-    throw RpcError(grpc::StatusCode::RESOURCE_EXHAUSTED, "DISK_FULL", message);
-  }
-  throw RpcError(grpc::StatusCode::INTERNAL, "STORAGE_ERROR", message);
+  const std::string message = action + " " + path.filename().string() + " failed: " + std::strerror(error);
+  if (error == ENOSPC || error == EDQUOT) throw Error(ErrorKind::resource_exhausted, "DISK_FULL", message);
+  throw Error(ErrorKind::internal, "STORAGE_ERROR", message);
 }
 
-}  // namespace fogbank::service
+}  // namespace fogbank

@@ -1,4 +1,4 @@
-// Files of the data directory. A file appears under its name only when it is whole and on the disk.
+// Files that last. A file appears under its name only when it is whole and on the disk.
 #pragma once
 
 #include <cstdint>
@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-namespace fogbank::service {
+namespace fogbank {
 
 /// An open file descriptor.
 class FileDescriptor {
@@ -39,7 +39,10 @@ void sync_file(const FileDescriptor& file, const std::filesystem::path& path);
 /// Moves `from` to `to` on the same file system and makes both folders' entries durable.
 void rename_durably(const std::filesystem::path& from, const std::filesystem::path& to);
 
-/// Writes a temporary file beside `path`, syncs it, and renames it to `path`.
+/// A folder's entries become durable. Throws as `throw_file_error`.
+void sync_folder(const std::filesystem::path& folder);
+
+/// Writes a temporary file (*.tmp) beside `path`, syncs it, and renames it to `path`.
 void write_file_durably(const std::filesystem::path& path, std::string_view bytes);
 
 /// Whole file of at most `max_bytes`.
@@ -48,8 +51,8 @@ std::string read_file(const std::filesystem::path& path, int64_t max_bytes);
 /// Up to `size` bytes from `offset`; fewer at the end of the file.
 std::string read_range(const std::filesystem::path& path, int64_t offset, int64_t size);
 
-/// Throws RpcError for an errno of a file operation: RESOURCE_EXHAUSTED DISK_FULL for a full disk or quota,
-/// else INTERNAL STORAGE_ERROR. The message names what was done and the file's name without its folder.
+/// Throws Error for an errno of a file operation: resource_exhausted DISK_FULL for a full disk or quota, else
+/// internal STORAGE_ERROR. The message names what was done and the file's name without its folder.
 [[noreturn]] void throw_file_error(int error, const std::string& action, const std::filesystem::path& path);
 
-}  // namespace fogbank::service
+}  // namespace fogbank
