@@ -85,16 +85,14 @@ std::string encode_tile(const TilePixels& tile, int32_t full_width, int32_t full
 
 std::string encode_image(const Image& image, PixelType type, bool variance, const Provenance& provenance) {
   std::vector<std::string> channels{"R", "G", "B"};
+  if (variance) channels.insert(channels.end(), {"variance.R", "variance.G", "variance.B"});
+  for (const ImageChannel& aov : image.aovs) channels.push_back(aov.name);
   std::vector<float> values;
-  if (variance) {
-    channels.insert(channels.end(), {"variance.R", "variance.G", "variance.B"});
-    values.reserve(image.rgb.size() * 2);
-    for (size_t first = 0; first < image.rgb.size(); first += 3) {
-      values.insert(values.end(), &image.rgb[first], &image.rgb[first] + 3);
-      values.insert(values.end(), &image.variance[first], &image.variance[first] + 3);
-    }
-  } else {
-    values = image.rgb;
+  values.reserve(image.rgb.size() / 3 * channels.size());
+  for (size_t first = 0; first < image.rgb.size(); first += 3) {
+    values.insert(values.end(), &image.rgb[first], &image.rgb[first] + 3);
+    if (variance) values.insert(values.end(), &image.variance[first], &image.variance[first] + 3);
+    for (const ImageChannel& aov : image.aovs) values.push_back(aov.values[first / 3]);
   }
   make_storable(values, type);
   OIIO::ImageSpec spec = make_spec(image.window, image.full_width, image.full_height, std::move(channels),

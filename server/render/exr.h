@@ -20,10 +20,11 @@ using Provenance = std::map<std::string, std::string>;
 
 /// What every final image says about its making: "fogbank:version", "fogbank:scene" (fingerprint),
 /// "fogbank:integrator", "fogbank:settings" (JSON), "fogbank:seed", "fogbank:samples_per_pixel",
-/// "fogbank:samples", "fogbank:rays", "fogbank:render_seconds", "fogbank:render_cpu_seconds". Neither host
-/// names nor paths.
+/// "fogbank:samples", "fogbank:rays", "fogbank:render_seconds", "fogbank:render_cpu_seconds", "fogbank:cache"
+/// and "fogbank:error" (JSON, as Progress), "fogbank:history" (JSON, a list of HistoryEntry; what is not
+/// known is left out). Neither host names nor paths.
 Provenance describe(const RenderSettings& settings, const Progress& progress,
-                    const std::string& scene_fingerprint);
+                    const std::vector<HistoryEntry>& history, const std::string& scene_fingerprint);
 
 /// Uncompressed up to 128 KiB of pixels, as compressing costs ten times the encoding; zip above it.
 Compression tile_compression(const scene::Window& window, PixelType type);
@@ -34,8 +35,8 @@ Compression tile_compression(const scene::Window& window, PixelType type);
 std::string encode_tile(const TilePixels& tile, int32_t full_width, int32_t full_height, PixelType type,
                         Compression compression);
 
-/// The final image, zip; with `variance` also channels variance.R, variance.G, variance.B. Errors as
-/// `encode_tile`.
+/// The final image, zip; with `variance` also channels variance.R, variance.G, variance.B; AOVs come last.
+/// Errors as `encode_tile`.
 std::string encode_image(const Image& image, PixelType type, bool variance, const Provenance& provenance);
 
 }  // namespace fogbank::render

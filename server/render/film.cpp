@@ -3,14 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace fogbank::render {
 
-namespace {
-
 double luminance_of(const Vec3d& rgb) { return 0.212671 * rgb.x + 0.715160 * rgb.y + 0.072169 * rgb.z; }
-
-}  // namespace
 
 Vec3d PixelSums::mean(SampleRange samples) const {
   return samples.count() == 0 ? Vec3d(0) : (even + odd) / static_cast<double>(samples.count());
@@ -39,30 +36,36 @@ float to_pixel(double value) {
   return static_cast<float>(std::clamp(value, -largest, largest));
 }
 
-double relative_noise(const std::vector<const TileFilm*>& tiles) {
+double mean_luminance(const std::vector<const TileFilm*>& tiles) {
   double sum = 0;
   size_t count = 0;
   for (const TileFilm* tile : tiles) {
     for (size_t pixel = 0; pixel < tile->sampled.size(); ++pixel) sum += luminance_of(tile->mean(pixel));
     count += tile->sampled.size();
   }
-  if (!(sum > 0)) return 0;
-  const double offset = 0.1 * sum / static_cast<double>(count);
+  return sum / static_cast<double>(count);
+}
 
+double trimmed_mean(std::vector<float> values) {
+  const size_t kept = values.size() - values.size() / 1000;
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(kept - 1), values.end());
+  double total = 0;
+  for (size_t i = 0; i < kept; ++i) total += static_cast<double>(values[i]);
+  return total / static_cast<double>(kept);
+}
+
+double relative_noise(const std::vector<const TileFilm*>& tiles) {
+  const double mean = mean_luminance(tiles);
+  if (!(mean > 0)) return 0;
   std::vector<float> squares;
-  squares.reserve(count);
   for (const TileFilm* tile : tiles) {
     for (size_t pixel = 0; pixel < tile->sampled.size(); ++pixel) {
       const double error = luminance_of(tile->standard_error(pixel));
-      const double scale = luminance_of(tile->mean(pixel)) + offset;
+      const double scale = luminance_of(tile->mean(pixel)) + 0.1 * mean;
       squares.push_back(to_pixel(sqr(static_cast<float>(error / scale))));
     }
   }
-  const size_t kept = count - count / 1000;
-  std::nth_element(squares.begin(), squares.begin() + static_cast<std::ptrdiff_t>(kept - 1), squares.end());
-  double total = 0;
-  for (size_t i = 0; i < kept; ++i) total += static_cast<double>(squares[i]);
-  return std::sqrt(total / static_cast<double>(kept));
+  return std::sqrt(trimmed_mean(std::move(squares)));
 }
 
 }  // namespace fogbank::render

@@ -56,6 +56,14 @@ struct TileFilm {
 /// threads flush them, others don't), and pixels must not.
 float to_pixel(double value);
 
+double luminance_of(const Vec3d& rgb);
+
+/// Over all pixels of `tiles`, at least one.
+double mean_luminance(const std::vector<const TileFilm*>& tiles);
+
+/// Without the largest 0.1 % of them; at least one.
+double trimmed_mean(std::vector<float> values);
+
 /// Noise of an image, as a share of its brightness. With L the mean luminance of a pixel, V its variance from
 /// the half buffers and M the mean of L over the image: the root mean square of sqrt(V) / (L + M / 10) over
 /// the pixels, without the largest 0.1 % of them, as single fireflies would decide it otherwise. `tiles` hold

@@ -1,5 +1,6 @@
 // The plan task of a job: what happens between rounds and passes.
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "render/render_job_state.h"
@@ -9,6 +10,9 @@ namespace fogbank::render {
 namespace {
 
 constexpr size_t most_history_entries = 256;
+/// Pixels a side of the lattice that the bias is estimated from: their scatter is a tenth of the estimate or
+/// so.
+constexpr int32_t survey_side = 24;
 
 /// Every second entry goes when there are too many; the newest one stays.
 void add_to_history(std::vector<HistoryEntry>& history, const HistoryEntry& entry) {
@@ -19,32 +23,140 @@ void add_to_history(std::vector<HistoryEntry>& history, const HistoryEntry& entr
   history.resize(kept);
 }
 
+int32_t survey_stride(const scene::Window& crop) {
+  return std::max(1, (std::min(crop.width, crop.height) + survey_side - 1) / survey_side);
+}
+
 }  // namespace
 
-bool RenderJob::Implementation::begin_round() {
+Standing RenderJob::Implementation::standing() const {
+  const std::lock_guard lock(mutex);
+  return {.samples = films.samples_done(),
+          .elapsed_seconds = elapsed_seconds(),
+          .reserved_seconds = reserved_seconds,
+          .records_new = told.records_new,
+          .noise = told.estimate.noise,
+          .bias = told.estimate.bias};
+}
+
+std::optional<RenderJob::Implementation::Phase> RenderJob::Implementation::plan() {
+  Activity before = Activity::none;
+  bool out_of_time = false;
+  bool dropped = false;
+  {
+    const std::lock_guard lock(mutex);
+    before = std::exchange(activity, Activity::none);
+    out_of_time = time_over;
+    dropped = std::exchange(preparation_dropped, false) || (time_over && before == Activity::preparation);
+  }
+  switch (before) {
+    case Activity::none:
+      break;
+    case Activity::preparation:
+      if (!dropped) return go_on_preparing();
+      end_stage(true);
+      break;
+    case Activity::survey:
+      if (!out_of_time) bias_survey = std::move(survey);
+      end_stage(false);
+      break;
+    case Activity::pass:
+      judge_pass();
+      break;
+    case Activity::aovs: {
+      const std::lock_guard lock(mutex);
+      for (size_t i = 0; i < survey.channels().size(); ++i) {
+        aovs.push_back({"cache." + name_of(survey.channels()[i]), survey.values(i)});
+      }
+      return std::nullopt;
+    }
+  }
+  for (;;) {
+    const Step step = out_of_time ? Step{} : progression.next(standing());
+    switch (step.kind) {
+      case Step::Kind::finish:
+        if (settings.aovs.empty()) return std::nullopt;
+        return begin_survey(Activity::aovs, 1, settings.aovs);
+      case Step::Kind::pass: {
+        const std::lock_guard lock(mutex);
+        activity = Activity::pass;
+        films.begin_pass(step.samples);
+        return Phase::rendering;
+      }
+      case Step::Kind::prepare:
+        preparation = integrator->prepare(camera, step.target);
+        if (preparation) return begin_preparation(step);
+        progression.nothing_to_prepare();
+    }
+  }
+}
+
+RenderJob::Implementation::Phase RenderJob::Implementation::begin_preparation(const Step& step) {
+  layered = true;
+  {
+    const std::lock_guard lock(mutex);
+    stage_begin = elapsed_seconds();
+    ++told.stage;
+    told.stage_error = step.target.error;
+    told.preparation_fraction = 0;
+    if (step.latest_end_seconds) {
+      preparation_deadline = *start + std::chrono::duration_cast<Clock::duration>(
+                                          std::chrono::duration<double>(*step.latest_end_seconds));
+    }
+  }
+  return go_on_preparing();
+}
+
+RenderJob::Implementation::Phase RenderJob::Implementation::go_on_preparing() {
   const uint32_t tasks = preparation->next_round();
   const double fraction = tasks == 0 ? 1 : preparation->fraction();
   const integrators::CacheCounts counts = integrator->cache_counts();
-  const std::lock_guard lock(mutex);
-  rounds.begin_round(tasks);
-  told.preparation_fraction = fraction;
-  told.epoch = counts.epoch;
-  told.records_reused = counts.records_reused;
-  told.records_new = counts.records_new;
-  return tasks > 0;
+  {
+    const std::lock_guard lock(mutex);
+    told.preparation_fraction = fraction;
+    told.epoch = counts.epoch;
+    told.records_reused = counts.records_reused;
+    told.records_new = counts.records_new;
+    if (tasks > 0) {
+      activity = Activity::preparation;
+      rounds.begin_round(tasks);
+      return Phase::preparing;
+    }
+    preparation_deadline.reset();
+    films.restart_cached();
+  }
+  preparation = nullptr;
+  return begin_survey(Activity::survey, survey_stride(settings.film.crop), {Aov::variance, Aov::bias});
 }
 
-void RenderJob::Implementation::end_stage() {
-  const bool dropped = std::exchange(preparation_dropped, false);
-  preparation = nullptr;
+RenderJob::Implementation::Phase RenderJob::Implementation::begin_survey(Activity what, int32_t stride,
+                                                                         std::vector<Aov> channels) {
+  survey = CacheSurvey(settings.film.crop, stride, std::move(channels));
   const std::lock_guard lock(mutex);
-  unwanted = false;
+  activity = what;
+  unwanted = ended();
+  survey_begin = elapsed_seconds();
+  rounds.begin_round(survey.rows());
+  return Phase::surveying;
+}
+
+void RenderJob::Implementation::end_stage(bool dropped) {
+  preparation = nullptr;
+  const integrators::CacheCounts counts = integrator->cache_counts();
+  const std::lock_guard lock(mutex);
+  told.epoch = counts.epoch;
+  told.records_new = counts.records_new;
+  unwanted = ended();
   preparation_deadline.reset();
-  if (!dropped || films.passes_done() == 0) films.restart_cached();
+  const double now = elapsed_seconds();
+  progression.stage_ended(now - stage_begin, dropped);
+  if (!dropped && !settings.aovs.empty() && bias_survey.rows() > 0) {
+    const double pixels = static_cast<double>(bias_survey.rows()) * bias_survey.columns();
+    reserved_seconds = (now - survey_begin) * static_cast<double>(crop_pixels) / pixels;
+  }
 }
 
 void RenderJob::Implementation::judge_pass() {
-  pass_to_judge = false;
   std::vector<TileFilmPointer> finished_films;
   {
     const std::lock_guard lock(mutex);
@@ -53,11 +165,17 @@ void RenderJob::Implementation::judge_pass() {
   std::vector<const TileFilm*> tiles;
   tiles.reserve(finished_films.size());
   for (const TileFilmPointer& film : finished_films) tiles.push_back(film.get());
+  const PassImage image{films.grid(), tiles};
+
   ErrorEstimate estimate;
-  if (const double noise = relative_noise(tiles); noise > 0) {
-    estimate.noise = noise;
-    estimate.error = noise;
+  // One sample of the cached layer tells nothing of that layer's noise.
+  if (tiles.front()->cached.empty() || tiles.front()->cached_samples().count() > 1) {
+    if (const double noise = relative_noise(tiles); noise > 0) estimate.noise = noise;
   }
+  if (bias_survey.rows() > 0) estimate.bias = relative_bias(image, settings.film.crop, bias_survey);
+  if (estimate.noise) estimate.error = std::hypot(*estimate.noise, estimate.bias);
+  if (comparison) estimate.true_error = comparison->compare(image);
+
   const std::lock_guard lock(mutex);
   told.estimate = estimate;
   add_to_history(history, {.cpu_seconds = cpu_seconds,
@@ -66,51 +184,6 @@ void RenderJob::Implementation::judge_pass() {
                            .records = told.records_reused + told.records_new,
                            .epoch = told.epoch,
                            .estimate = estimate});
-}
-
-std::optional<RenderJob::Implementation::Phase> RenderJob::Implementation::plan() {
-  if (pass_to_judge) judge_pass();
-  if (preparation) {
-    if (!preparation_dropped && begin_round()) return Phase::preparing;
-    end_stage();
-  }
-  for (;;) {
-    Standing standing;
-    {
-      const std::lock_guard lock(mutex);
-      standing = {.samples = films.samples_done(), .elapsed_seconds = elapsed_seconds()};
-    }
-    const Step step = progression.next(standing);
-    switch (step.kind) {
-      case Step::Kind::finish:
-        return std::nullopt;
-      case Step::Kind::pass: {
-        const std::lock_guard lock(mutex);
-        films.begin_pass(step.samples);
-        return Phase::rendering;
-      }
-      case Step::Kind::prepare:
-        break;
-    }
-    preparation = integrator->prepare(camera, step.target);
-    if (!preparation) {
-      progression.nothing_to_prepare();
-      continue;
-    }
-    layered = true;
-    {
-      const std::lock_guard lock(mutex);
-      ++told.stage;
-      told.stage_error = step.target.error;
-      told.preparation_fraction = 0;
-      if (step.latest_end_seconds) {
-        preparation_deadline = *start + std::chrono::duration_cast<Clock::duration>(
-                                            std::chrono::duration<double>(*step.latest_end_seconds));
-      }
-    }
-    if (begin_round()) return Phase::preparing;
-    end_stage();
-  }
 }
 
 }  // namespace fogbank::render

@@ -26,19 +26,28 @@ std::chrono::steady_clock::duration clock_duration(double seconds) {
 
 std::optional<RenderJob::Implementation::Clock::time_point> RenderJob::Implementation::pass_deadline() const {
   if (settings.time_budget_seconds == 0 || films.passes_done() == 0) return std::nullopt;
-  return *start + clock_duration(settings.time_budget_seconds);
+  return *start + clock_duration(settings.time_budget_seconds - reserved_seconds);
 }
 
 void RenderJob::Implementation::watch_time() {
-  if (ended()) return;
-  if (const auto deadline = pass_deadline(); deadline && Clock::now() >= *deadline) {
-    finish();
-  } else if (phase == Phase::preparing && preparation_deadline && Clock::now() >= *preparation_deadline) {
+  if (ended() || time_over) return;
+  const Clock::time_point now = Clock::now();
+  if (const auto deadline = pass_deadline(); deadline && now >= *deadline && activity != Activity::aovs) {
+    time_over = true;
+    if (phase != Phase::planning) drop_work();
+  } else if (phase == Phase::preparing && preparation_deadline && now >= *preparation_deadline) {
     preparation_dropped = true;
-    unwanted = true;
-    rounds.begin_round(0);
-    phase = Phase::planning;
+    drop_work();
   }
+}
+
+void RenderJob::Implementation::drop_work() {
+  // A finished pass that was not judged yet stays; an unfinished one has nothing to be judged.
+  if (phase == Phase::rendering) activity = Activity::none;
+  unwanted = true;
+  films.drop_unfinished_pass();
+  rounds.begin_round(0);
+  phase = Phase::planning;
 }
 
 void RenderJob::Implementation::end_task(const TaskCounters& counters) {
@@ -64,11 +73,14 @@ bool RenderJob::Implementation::run_task(const PlanTask&, const std::atomic<bool
     end_task(counters);
     plan_taken = false;
     if (ended()) return false;
-    if (next) {
-      phase = *next;
-    } else {
-      finish();
+    if (!next) {
+      stop_all();
+      finished = true;
+      return false;
     }
+    phase = *next;
+    // The time may have run out while this was planned.
+    if (time_over && activity != Activity::aovs) drop_work();
   } catch (...) {
     preparation = nullptr;
     const std::lock_guard lock(mutex);
@@ -79,26 +91,28 @@ bool RenderJob::Implementation::run_task(const PlanTask&, const std::atomic<bool
   return false;
 }
 
-bool RenderJob::Implementation::run_task(const PreparationTask& task, const std::atomic<bool>& stop) {
+template <typename Work>
+void RenderJob::Implementation::run_of_round(const RoundTask& task, Phase its_phase,
+                                             const std::atomic<bool>& stop, const Work& work) {
   TaskCounters counters{.rays = {.stop = &stop, .unwanted = &unwanted},
                         .invalid_samples = 0,
                         .cpu_begin = thread_cpu_seconds()};
   {
     const std::lock_guard lock(mutex);
-    if (ended() || phase != Phase::preparing || !rounds.begin(task)) return false;
+    if (ended() || phase != its_phase || !rounds.begin(task)) return;
+    if (phase == Phase::preparing && preparation_deadline) counters.rays.deadline = *preparation_deadline;
     ++running;
   }
   const auto end_this = [&](bool done) {
     const std::lock_guard lock(mutex);
     end_task(counters);
-    // A round that was dropped meanwhile knows this task no longer.
-    if (ended() || phase != Phase::preparing) return;
-    if (rounds.end(task, done)) phase = Phase::planning;
     watch_time();
+    // A round that was dropped meanwhile knows this task no longer.
+    if (!ended() && phase == its_phase && rounds.end(task, done)) phase = Phase::planning;
   };
   try {
     counters.rays.poll();
-    preparation->run(task.task, counters.rays);
+    work(counters.rays);
     end_this(true);
   } catch (const Interrupted&) {
     end_this(false);
@@ -106,6 +120,18 @@ bool RenderJob::Implementation::run_task(const PreparationTask& task, const std:
     end_this(false);
     throw;
   }
+}
+
+bool RenderJob::Implementation::run_task(const PreparationTask& task, const std::atomic<bool>& stop) {
+  run_of_round(task, Phase::preparing, stop,
+               [&](RayCounters& counters) { preparation->run(task.index, counters); });
+  return false;
+}
+
+bool RenderJob::Implementation::run_task(const SurveyTask& task, const std::atomic<bool>& stop) {
+  run_of_round(task, Phase::surveying, stop, [&](RayCounters& counters) {
+    survey.look(task.index, *integrator, camera, settings.seed, counters);
+  });
   return false;
 }
 
@@ -151,7 +177,7 @@ bool RenderJob::Implementation::run_task(const TileTask& task, const std::atomic
   TileFilmPointer outdated;  // outlives the lock, so that its memory isn't freed under it
   const std::lock_guard lock(mutex);
   end_task(counters);
-  watch_time();
+  watch_time();  // what comes too late doesn't count
   // Run by two callers at once: both have the same pixels, and one has come first.
   if (ended() || films.is_done(task)) return false;
   if (!complete) {
@@ -159,7 +185,6 @@ bool RenderJob::Implementation::run_task(const TileTask& task, const std::atomic
     return false;
   }
   if (!films.add(task, std::move(made), outdated)) return false;
-  pass_to_judge = true;
   phase = Phase::planning;
   return true;
 }

@@ -6,13 +6,16 @@
 
 namespace fogbank::render {
 
-/// Distance to the reference image. A pixel's relative error is the root of the mean over its channels of
-/// (image - reference)^2 / (m^2 + 0.01), with m the reference's mean over 5 x 5 pixels around it (those
-/// inside the window).
+/// Distance to the reference image, whose own noise is in it. A pixel's relative error is the difference of
+/// the luminances over that of the reference plus a tenth of the reference's mean luminance.
 struct TrueError {
-  double relative_mse = 0;  ///< mean of the squares, without the largest 0.1 % of the pixels
-  double median = 0;
-  double percentile_99 = 0;
+  /// Root mean square of the relative errors without the largest 0.1 %: what ErrorEstimate::error estimates.
+  double relative_error = 0;
+  double median = 0;         ///< of the relative errors
+  double percentile_99 = 0;  ///< of the relative errors
+  /// Mean over pixels, without the largest 0.1 %, and channels of (image - reference)^2 / (m^2 + 0.01), with
+  /// m the reference's mean over the 5 x 5 pixels around, as far as they are inside the window.
+  double relative_mse = 0;
 };
 
 /// How good an image is thought to be. Shares of the error are root mean squares over pixels, relative to the

@@ -1,43 +1,175 @@
 #include "render/progression.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "render/passes.h"
 
 namespace fogbank::render {
 
 namespace {
 
-/// Share of a time budget that preparations before the first pass may take.
-constexpr double preparation_share = 0.5;
+/// Target of the first stage, which is there to show something soon.
+constexpr double preview_error = 0.5;
+/// From one stage to the next, where an error is asked for: stages in between only show the picture growing.
+constexpr double stage_factor = 0.25;
+/// The same where the outcome decides how far it goes.
+constexpr double cautious_factor = 0.5;
+/// No finer for a budget of records: a scene may need fewer than the budget, whatever the error.
+constexpr double finest_for_records = 1e-4;
+/// Share of an error target that bias may have, as noise and bias add up by squares: both the same.
+constexpr double bias_share = 0.7;
+/// A stage that leaves more of the bias than that is the last one.
+constexpr double worthwhile = 0.9;
+/// Samples between two looks at the results, as a share of the samples so far: what is done in vain at most.
+constexpr double looks_apart = 0.25;
+/// Samples behind an estimate of noise that is believed.
+constexpr uint64_t least_samples_of_film = 1024;
+constexpr uint32_t least_samples_of_pixel = 4;
+
+// Of a time budget:
+/// Share that the stage before the first pass may take.
+constexpr double first_stage_share = 0.5;
+/// Share of the time left that a stage is expected to take at most, and the share after which it is dropped.
+constexpr double stage_share = 0.4;
+constexpr double stage_limit = 0.7;
+/// Growth of a stage's time, while only the preview's is known; and limits to what is measured.
+constexpr double first_growth = 4;
+constexpr double least_growth = 1.5;
+constexpr double most_growth = 8;
 
 }  // namespace
 
-Progression::Progression(const RenderSettings& settings) : settings_(settings) {}
+Progression::Progression(const RenderSettings& settings)
+    : settings_(settings),
+      aim_(settings.error > 0 ? bias_share * settings.error : integrators::CacheTarget{}.error) {}
 
 uint32_t Progression::pass_count() const {
-  return settings_.time_budget_seconds > 0 ? 0 : count_passes(samples_in_all(), tile_pixels());
+  if (settings_.time_budget_seconds > 0 || settings_.error > 0 || settings_.record_budget > 0) return 0;
+  return count_passes(static_cast<uint32_t>(settings_.samples_per_pixel),
+                      static_cast<uint32_t>(settings_.tile_size * settings_.tile_size));
+}
+
+void Progression::stage_ended(double seconds, bool dropped) {
+  preparation_seconds_ += seconds;
+  growth_ = stages_ > 1
+                ? std::clamp(seconds / std::fmax(last_stage_seconds_, 1e-9), least_growth, most_growth)
+                : first_growth;
+  last_stage_seconds_ = seconds;
+  if (dropped) prepares_ = false;
+}
+
+double Progression::seconds_left(const Standing& standing) const {
+  return settings_.time_budget_seconds - standing.reserved_seconds - standing.elapsed_seconds;
+}
+
+double Progression::seconds_of_a_sample(const Standing& standing) const {
+  return (standing.elapsed_seconds - preparation_seconds_) / std::max(standing.samples, 1u);
+}
+
+Step Progression::prepare(double error, bool preview, const Standing& standing) {
+  ++stages_;
+  stage_error_ = error;
+  begin_with_pass_ = true;
+  Step step;
+  step.kind = Step::Kind::prepare;
+  step.target = {error, preview};
+  if (settings_.time_budget_seconds > 0) {
+    const double share = standing.samples == 0 ? first_stage_share : stage_limit;
+    step.latest_end_seconds = standing.elapsed_seconds + share * seconds_left(standing);
+  }
+  return step;
+}
+
+Step Progression::pass(const Standing& standing) const {
+  const auto in_all = static_cast<uint32_t>(settings_.samples_per_pixel);
+  const auto tile_pixels = static_cast<uint32_t>(settings_.tile_size * settings_.tile_size);
+  Step step;
+  step.kind = Step::Kind::pass;
+  if (settings_.time_budget_seconds > 0) {
+    step.samples = samples_of_next_pass(
+        standing.samples, in_all, tile_pixels,
+        {seconds_left(standing), settings_.time_budget_seconds, seconds_of_a_sample(standing)});
+  } else {
+    step.samples = samples_of_next_pass(standing.samples, in_all, tile_pixels);
+  }
+  if (step.samples == 0) step.kind = Step::Kind::finish;
+  if (decision_at_ > standing.samples) step.samples = std::min(step.samples, decision_at_ - standing.samples);
+  return step;
+}
+
+bool Progression::good_enough(const Standing& standing) const {
+  if (settings_.error == 0 || !standing.noise) return false;
+  const int64_t pixels = int64_t{settings_.film.crop.width} * settings_.film.crop.height;
+  if (standing.samples < least_samples_of_pixel) return false;
+  if (standing.samples * static_cast<uint64_t>(pixels) < least_samples_of_film) return false;
+  if (std::hypot(*standing.noise, standing.bias) <= settings_.error) return true;
+  // What is left is bias, and nothing can be done about that.
+  return !prepares_ && standing.bias > settings_.error && *standing.noise < 0.5 * standing.bias;
+}
+
+bool Progression::fits(const Standing& standing) const {
+  const double left = seconds_left(standing) - 2 * seconds_of_a_sample(standing);
+  return growth_ * last_stage_seconds_ <= stage_share * left;
+}
+
+std::optional<double> Progression::finer_target(const Standing& standing) {
+  const auto most = static_cast<uint64_t>(settings_.integrator_settings.most_records);
+  if (standing.records_new >= most || stage_error_ <= RenderLimits::smallest_error) prepares_ = false;
+  // The cached layer begins anew with a stage: one sample at least must follow.
+  if (!prepares_ || standing.samples >= static_cast<uint32_t>(settings_.samples_per_pixel))
+    return std::nullopt;
+  const bool timed = settings_.time_budget_seconds > 0;
+  if (timed && !fits(standing)) return std::nullopt;
+  if (settings_.record_budget > 0 && stage_error_ > finest_for_records) {
+    return std::fmax(cautious_factor * stage_error_, finest_for_records);
+  }
+  if (timed) {
+    if (!standing.noise || standing.bias <= *standing.noise) return std::nullopt;
+    return std::fmax(cautious_factor * stage_error_, RenderLimits::smallest_error);
+  }
+  if (settings_.record_budget > 0 && settings_.error == 0) return std::nullopt;
+  if (stage_error_ > aim_) {
+    return settings_.error > 0 ? std::fmax(stage_factor * stage_error_, aim_) : aim_;
+  }
+  if (settings_.error == 0 || !standing.noise || standing.bias <= bias_share * settings_.error)
+    return std::nullopt;
+  // The estimate is what counts, not what the stage aimed at; but a bias that doesn't fall won't.
+  if (last_bias_ > 0 && standing.bias > worthwhile * last_bias_) {
+    prepares_ = false;
+    return std::nullopt;
+  }
+  last_bias_ = standing.bias;
+  const double factor =
+      std::clamp(bias_share * bias_share * settings_.error / standing.bias, stage_factor, cautious_factor);
+  aim_ = std::fmax(factor * stage_error_, RenderLimits::smallest_error);
+  return aim_;
+}
+
+std::optional<Step> Progression::first_steps(const Standing& standing) {
+  if (stages_ > 0 || !prepares_) return std::nullopt;
+  // Where there is one sample, nothing is shown before the end.
+  const bool preview = settings_.samples_per_pixel > 1;
+  return preview ? prepare(std::fmax(preview_error, aim_), true, standing) : prepare(aim_, false, standing);
 }
 
 Step Progression::next(const Standing& standing) {
-  const double budget = settings_.time_budget_seconds;
-  if (prepares_ && stages_ == 0) {
-    ++stages_;
-    Step step;
-    step.kind = Step::Kind::prepare;
-    if (settings_.error > 0) step.target.error = settings_.error;
-    if (budget > 0) step.latest_end_seconds = preparation_share * budget;
-    return step;
+  if (const std::optional<Step> first = first_steps(standing)) return *first;
+  // Every stage is shown by a sample, if there are enough of them.
+  const bool more_than_one = standing.samples + 1 < static_cast<uint32_t>(settings_.samples_per_pixel);
+  if (begin_with_pass_ && more_than_one) {
+    begin_with_pass_ = false;
+    decision_at_ = standing.samples + 1;
+    return pass(standing);
   }
-  Step step;
-  step.kind = Step::Kind::pass;
-  if (budget > 0 && standing.samples > 0) {
-    const double pace = (standing.elapsed_seconds - preparation_seconds_) / standing.samples;
-    step.samples = samples_of_next_pass(standing.samples, samples_in_all(), tile_pixels(),
-                                        {budget - standing.elapsed_seconds, budget, pace});
-  } else {
-    step.samples = samples_of_next_pass(standing.samples, samples_in_all(), tile_pixels());
+  if (standing.samples >= decision_at_ || settings_.time_budget_seconds > 0) {
+    if (good_enough(standing)) return {};
+    if (const std::optional<double> error = finer_target(standing)) return prepare(*error, false, standing);
+    decision_at_ = standing.samples +
+                   std::max(1u, static_cast<uint32_t>(looks_apart * static_cast<double>(standing.samples)));
+    if (settings_.error == 0) decision_at_ = 0;
   }
-  if (step.samples == 0) step.kind = Step::Kind::finish;
-  return step;
+  return pass(standing);
 }
 
 }  // namespace fogbank::render

@@ -60,16 +60,74 @@ nlohmann::ordered_json sensor_json(const scene::Sensor& sensor) {
   return json;
 }
 
+const char* name_of(integrators::SingleScattering technique) {
+  switch (technique) {
+    case integrators::SingleScattering::automatic:
+      return "auto";
+    case integrators::SingleScattering::direct:
+      return "direct";
+    case integrators::SingleScattering::guided:
+      return "guided";
+    case integrators::SingleScattering::cached:
+      return "cached";
+  }
+  return "";
+}
+
+nlohmann::ordered_json error_json(const ErrorEstimate& estimate) {
+  nlohmann::ordered_json json;
+  if (estimate.noise) json["noise"] = *estimate.noise;
+  json["bias"] = estimate.bias;
+  if (estimate.error) json["estimated_error"] = *estimate.error;
+  if (estimate.true_error) {
+    json["true_error"] = {{"relative_error", estimate.true_error->relative_error},
+                          {"median", estimate.true_error->median},
+                          {"percentile_99", estimate.true_error->percentile_99},
+                          {"relative_mse", estimate.true_error->relative_mse}};
+  }
+  return json;
+}
+
+nlohmann::ordered_json cache_json(const Progress& progress) {
+  nlohmann::ordered_json json;
+  json["epoch"] = progress.epoch;
+  json["records_reused"] = progress.records_reused;
+  json["records_new"] = progress.records_new;
+  json["stages"] = progress.stage;
+  json["stage_error"] = progress.stage_error;
+  return json;
+}
+
+nlohmann::ordered_json history_json(const std::vector<HistoryEntry>& history) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  for (const HistoryEntry& entry : history) {
+    nlohmann::ordered_json line;
+    line["cpu_seconds"] = entry.cpu_seconds;
+    line["wall_seconds"] = entry.wall_seconds;
+    line["samples"] = entry.samples;
+    line["records"] = entry.records;
+    line["epoch"] = entry.epoch;
+    line.update(error_json(entry.estimate));
+    json.push_back(std::move(line));
+  }
+  return json;
+}
+
 }  // namespace
 
 Provenance describe(const RenderSettings& settings, const Progress& progress,
-                    const std::string& scene_fingerprint) {
+                    const std::vector<HistoryEntry>& history, const std::string& scene_fingerprint) {
   nlohmann::ordered_json json;
   json["max_depth"] = settings.integrator_settings.max_depth;
   json["rr_depth"] = settings.integrator_settings.rr_depth;
   json["hide_emitters"] = settings.integrator_settings.hide_emitters;
   json["samples_per_pixel"] = settings.samples_per_pixel;
   json["time_budget_seconds"] = settings.time_budget_seconds;
+  json["error"] = settings.error;
+  json["record_budget"] = settings.record_budget;
+  json["most_records"] = settings.integrator_settings.most_records;
+  json["single_scattering"] = name_of(settings.integrator_settings.single_scattering);
+  json["spheres"] = settings.integrator_settings.spheres;
   json["film"] = film_json(settings.film);
   json["sensor"] = sensor_json(settings.sensor);
   return {{"fogbank:version", FOGBANK_VERSION},
@@ -81,7 +139,10 @@ Provenance describe(const RenderSettings& settings, const Progress& progress,
           {"fogbank:samples", std::to_string(progress.samples_done)},
           {"fogbank:rays", std::to_string(progress.rays)},
           {"fogbank:render_seconds", std::to_string(progress.render_seconds)},
-          {"fogbank:render_cpu_seconds", std::to_string(progress.cpu_seconds)}};
+          {"fogbank:render_cpu_seconds", std::to_string(progress.cpu_seconds)},
+          {"fogbank:cache", cache_json(progress).dump()},
+          {"fogbank:error", error_json(progress.estimate).dump()},
+          {"fogbank:history", history_json(history).dump()}};
 }
 
 }  // namespace fogbank::render

@@ -54,6 +54,7 @@ RenderJob::Implementation::Implementation(std::unique_ptr<integrators::Integrato
       progression(settings),
       films(settings) {
   told.pass_count = progression.pass_count();
+  if (settings.reference) comparison.emplace(settings.reference);
 }
 
 double RenderJob::Implementation::elapsed_seconds() const {
@@ -69,11 +70,6 @@ void RenderJob::Implementation::stop_all() {
   rounds.begin_round(0);
 }
 
-void RenderJob::Implementation::finish() {
-  stop_all();
-  finished = true;
-}
-
 std::optional<Task> RenderJob::Implementation::take() {
   if (ended()) return std::nullopt;
   switch (phase) {
@@ -82,7 +78,11 @@ std::optional<Task> RenderJob::Implementation::take() {
       plan_taken = true;
       return PlanTask{};
     case Phase::preparing:
-      return rounds.take();
+      if (const auto task = rounds.take()) return PreparationTask{*task};
+      break;
+    case Phase::surveying:
+      if (const auto task = rounds.take()) return SurveyTask{*task};
+      break;
     case Phase::rendering:
       return films.take();
   }
@@ -140,6 +140,14 @@ Progress RenderJob::Implementation::progress() const {
   progress.cpu_seconds = cpu_seconds;
   progress.preparing = phase == Phase::preparing && !ended();
   progress.finished = finished;
+  if (settings.error > 0 && told.estimate.error) {
+    // Noise, which more samples are for, falls by their root.
+    const double ratio = std::fmax(1.0, *told.estimate.error / settings.error);
+    const double needed = static_cast<double>(progress.samples_done) * ratio * ratio;
+    if (needed < static_cast<double>(progress.samples_planned)) {
+      progress.samples_planned = static_cast<uint64_t>(needed);
+    }
+  }
   if (finished) {
     progress.samples_planned = progress.samples_done;
   } else if (settings.time_budget_seconds > 0 && progress.render_seconds > 0) {
@@ -180,14 +188,17 @@ TilePixels RenderJob::tile(uint32_t index) const {
 Image RenderJob::image() const {
   const Implementation& job = *implementation_;
   std::vector<TileFilmPointer> films;
+  std::vector<ImageChannel> aovs;
   {
     const std::lock_guard lock(job.mutex);
     films = job.films.finished();
+    aovs = job.aovs;
   }
   Image image;
   image.window = job.settings.film.crop;
   image.full_width = job.settings.film.width;
   image.full_height = job.settings.film.height;
+  image.aovs = std::move(aovs);
   image.rgb.resize(static_cast<size_t>(job.crop_pixels) * 3);
   image.variance.resize(image.rgb.size());
   for (uint32_t index = 0; index < films.size(); ++index) {

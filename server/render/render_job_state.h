@@ -1,22 +1,27 @@
 // What a RenderJob consists of. One mutex, held for microseconds, guards what changes; what may take long
-// runs without it: tasks of preparations and tiles, in parallel, and the plan task, which runs alone.
+// runs without it: tasks of preparations, surveys and tiles, in parallel, and the plan task, which runs
+// alone.
 #pragma once
 
 #include <chrono>
 #include <mutex>
 
 #include "core/ray_counters.h"
+#include "render/cache_survey.h"
+#include "render/error_estimate.h"
 #include "render/film_camera.h"
 #include "render/pass_films.h"
-#include "render/preparation_rounds.h"
 #include "render/progression.h"
 #include "render/render_job.h"
+#include "render/task_rounds.h"
 
 namespace fogbank::render {
 
 struct RenderJob::Implementation {
   using Clock = std::chrono::steady_clock;
-  enum class Phase : uint8_t { planning, preparing, rendering };
+  enum class Phase : uint8_t { planning, preparing, surveying, rendering };
+  /// What the plan task finds to be done.
+  enum class Activity : uint8_t { none, preparation, survey, pass, aovs };
 
   /// What a task did besides pixels.
   struct TaskCounters {
@@ -32,9 +37,9 @@ struct RenderJob::Implementation {
   bool ended() const { return finished || cancelled; }
   double elapsed_seconds() const;
   void stop_all();
-  void finish();
-  /// Ends what can't go on for want of time.
+  /// Stops what can't go on for want of time: what is left is to be planned then.
   void watch_time();
+  void drop_work();
   std::optional<Clock::time_point> pass_deadline() const;
   std::optional<Task> take();
   void end_task(const TaskCounters& counters);
@@ -44,15 +49,23 @@ struct RenderJob::Implementation {
 
   bool run_task(const PlanTask& task, const std::atomic<bool>& stop);
   bool run_task(const PreparationTask& task, const std::atomic<bool>& stop);
+  bool run_task(const SurveyTask& task, const std::atomic<bool>& stop);
   bool run_task(const TileTask& task, const std::atomic<bool>& stop);
-  /// The next phase; nullopt at the end. While no other task runs.
-  std::optional<Phase> plan();
-  /// Of the present preparation; false when there is none left.
-  bool begin_round();
-  void end_stage();
-  void judge_pass();
+  template <typename Work>
+  void run_of_round(const RoundTask& task, Phase its_phase, const std::atomic<bool>& stop, const Work& work);
   bool render(const TileTask& task, const std::atomic<bool>& stop, std::optional<Clock::time_point> deadline,
               TileFilm& film, TaskCounters& counters) const;
+
+  // These by the plan task (job_plan.cpp).
+
+  /// The next phase; nullopt at the end.
+  std::optional<Phase> plan();
+  Phase begin_preparation(const Step& step);
+  Phase go_on_preparing();
+  void end_stage(bool dropped);
+  Phase begin_survey(Activity what, int32_t stride, std::vector<Aov> channels);
+  void judge_pass();
+  Standing standing() const;
 
   const RenderSettings settings;
   const FilmCamera camera;
@@ -62,19 +75,27 @@ struct RenderJob::Implementation {
   const std::unique_ptr<integrators::Integrator> integrator;
   std::unique_ptr<integrators::Preparation> preparation;
   Progression progression;
-  bool layered = false;  ///< the integrator has something to prepare: there is a cached layer
-  bool pass_to_judge = false;
+  std::optional<ReferenceComparison> comparison;
+  bool layered = false;     ///< the integrator has something to prepare: there is a cached layer
+  CacheSurvey survey;       ///< that runs; rows are written by its tasks
+  CacheSurvey bias_survey;  ///< of the last stage
+  double stage_begin = 0;   ///< seconds since the job's begin
+  double survey_begin = 0;
 
   mutable std::mutex mutex;
   Phase phase = Phase::planning;
+  Activity activity = Activity::none;
   bool plan_taken = false;
   uint32_t running = 0;  ///< tasks
   PassFilms films;
-  PreparationRounds rounds;
-  bool preparation_dropped = false;
+  TaskRounds rounds;
+  bool time_over = false;
+  double reserved_seconds = 0;  ///< of a time budget, for AOVs
   std::optional<Clock::time_point> preparation_deadline;
+  bool preparation_dropped = false;
   Progress told;  ///< what the plan task finds out
   std::vector<HistoryEntry> history;
+  std::vector<ImageChannel> aovs;
   uint64_t rays = 0;
   uint64_t invalid_samples = 0;
   double cpu_seconds = 0;
@@ -83,7 +104,7 @@ struct RenderJob::Implementation {
   bool finished = false;
   bool cancelled = false;
   std::atomic<bool> interrupted = false;  ///< finished or cancelled, for running tasks to poll
-  std::atomic<bool> unwanted = false;     ///< that, or the present preparation is dropped
+  std::atomic<bool> unwanted = false;     ///< that, or the present preparation or survey is dropped
 };
 
 }  // namespace fogbank::render

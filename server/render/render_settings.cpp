@@ -100,8 +100,8 @@ void validate_reference(const ReferenceImage& reference, const scene::Window& cr
     fail("reference", to_string(reference.window) + " is not the crop window, " + to_string(crop));
   if (reference.rgb.size() != static_cast<size_t>(crop.width) * static_cast<size_t>(crop.height) * 3)
     fail("reference", "doesn't have three numbers a pixel");
-  if (!std::ranges::all_of(reference.rgb, [](float value) { return std::isfinite(value); }))
-    fail("reference", "has a pixel that is not finite");
+  if (!std::ranges::all_of(reference.rgb, [](float value) { return std::isfinite(value) && value >= 0; }))
+    fail("reference", "has a pixel that is negative or not finite");
 }
 
 constexpr std::array<std::pair<Aov, const char*>, 5> aov_names{{{Aov::radius, "radius"},

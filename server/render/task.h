@@ -12,11 +12,17 @@ namespace fogbank::render {
 /// between a finer cache and more samples. Runs alone.
 struct PlanTask {};
 
-/// One task of a round of a preparation (integrators::Preparation).
-struct PreparationTask {
+/// One of a round of tasks.
+struct RoundTask {
   uint32_t round = 0;  ///< counted over the whole job
-  uint32_t task = 0;
+  uint32_t index = 0;
 };
+
+/// One task of a round of a preparation (integrators::Preparation).
+struct PreparationTask : RoundTask {};
+
+/// Looks at the cache along the camera rays of a row of pixels (cache_survey.h).
+struct SurveyTask : RoundTask {};
 
 /// One tile of one pass: samples [first_sample, first_sample + sample_count) of each of its pixels.
 struct TileTask {
@@ -28,6 +34,6 @@ struct TileTask {
   uint32_t first_cached_sample = 0;  ///< samples of an older epoch, before this one, leave the cached layer
 };
 
-using Task = std::variant<PlanTask, PreparationTask, TileTask>;
+using Task = std::variant<PlanTask, PreparationTask, SurveyTask, TileTask>;
 
 }  // namespace fogbank::render

@@ -50,6 +50,15 @@ scene::Window TileGrid::window(uint32_t index) const {
           std::min(tile_size_, crop_.height - y)};
 }
 
+TileGrid::Place TileGrid::locate(int32_t x, int32_t y) const {
+  const int32_t column = x / tile_size_;
+  const int32_t row = y / tile_size_;
+  const uint32_t tile = static_cast<uint32_t>(row) * columns_ + static_cast<uint32_t>(column);
+  const int32_t width = std::min(tile_size_, crop_.width - column * tile_size_);
+  return {tile, static_cast<size_t>(y - row * tile_size_) * static_cast<size_t>(width) +
+                    static_cast<size_t>(x - column * tile_size_)};
+}
+
 std::vector<uint32_t> visiting_order(const TileGrid& grid, TileOrder order,
                                      const std::optional<scene::Window>& first_region) {
   std::vector<uint32_t> tiles;

@@ -20,6 +20,12 @@ class TileGrid {
   uint32_t rows() const { return rows_; }
   uint32_t count() const { return columns_ * rows_; }
   scene::Window window(uint32_t index) const;
+  /// A pixel of the crop window, as seen from its corner.
+  struct Place {
+    uint32_t tile = 0;
+    size_t pixel = 0;  ///< of the tile, row by row
+  };
+  Place locate(int32_t x, int32_t y) const;
 
  private:
   scene::Window crop_;

@@ -220,9 +220,9 @@ void Job::store_image(v1::Job& description) {
   // Only this thread touches the film now; render_job_ stays until `end`.
   const render::Image image = render_job_->image();
   const render::Progress progress = render_job_->progress();
-  const std::string file =
-      render::encode_image(image, pixel_type(settings_), settings_.variance(),
-                           render::describe(engine_settings_, progress, scene_fingerprint_));
+  const std::string file = render::encode_image(
+      image, pixel_type(settings_), settings_.variance(),
+      render::describe(engine_settings_, progress, render_job_->history(), scene_fingerprint_));
   write_file_durably(image_path(), file);
 
   v1::JobResult& result = *description.mutable_result();

@@ -3,7 +3,8 @@
 //
 //   {"command": "load", "scene": path, "parameters": {name: text}}
 //   {"command": "render", "width", "height", "samples_per_pixel", "max_depth", "seed", "threads", "output":
-//   path, "integrator": "volpath", "error": 0, "time_budget_seconds": 0, "record_budget": 0}
+//   path, "integrator": "volpath", "error": 0, "time_budget_seconds": 0, "record_budget": 0, "reference":
+//   path of an EXR file, "aovs": []}
 //
 // `render` takes the reconstruction filter box whatever the scene says, since Mitsuba weights the samples of
 // neighbouring pixels with any other, and its pixels are not independent then. `output` is an EXR file of
@@ -19,6 +20,7 @@
 
 #include "../embree_probe.h"
 #include "render/exr.h"
+#include "render/exr_reader.h"
 #include "render/render_to_image.h"
 #include "scene/loader.h"
 #include "transport/world.h"
@@ -79,6 +81,15 @@ class Bench {
     settings.error = command.value("error", settings.error);
     settings.time_budget_seconds = command.value("time_budget_seconds", settings.time_budget_seconds);
     settings.record_budget = command.value("record_budget", settings.record_budget);
+    for (const std::string& aov : command.value("aovs", std::vector<std::string>{})) {
+      settings.aovs.push_back(render::parse_aov(aov));
+    }
+    if (const auto path = command.value("reference", std::string()); !path.empty()) {
+      std::ifstream file(path, std::ios::binary);
+      const std::string bytes(std::istreambuf_iterator<char>(file), {});
+      settings.reference = std::make_shared<render::ReferenceImage>(
+          render::ReferenceImage{settings.film.crop, render::decode_rgb(bytes, settings.film.crop)});
+    }
     render::RenderJob job(world_, settings);
     const auto take = reinterpret_cast<EmbreeProbeTake*>(dlsym(RTLD_DEFAULT, embree_probe_take_name));
     EmbreeProbe probe;
@@ -97,6 +108,7 @@ class Bench {
                 {"records_reused", progress.records_reused},
                 {"records_new", progress.records_new},
                 {"bias", progress.estimate.bias}};
+    answer["history"] = Json::parse(describe(settings, progress, job.history(), "").at("fogbank:history"));
     if (progress.estimate.error) answer["estimated_error"] = *progress.estimate.error;
     if (progress.estimate.noise) answer["relative_noise"] = *progress.estimate.noise;
     if (take != nullptr) {

@@ -113,8 +113,9 @@ TEST(EncodeImage, RoundTripWithVarianceAndProvenance) {
   run_to_completion(job, 2);
   const Image image = job.image();
   const std::string fingerprint(64, 'a');
-  const Decoded decoded = decode(encode_image(image, PixelType::single_float, true,
-                                              describe(job.settings(), job.progress(), fingerprint)));
+  const Decoded decoded =
+      decode(encode_image(image, PixelType::single_float, true,
+                          describe(job.settings(), job.progress(), job.history(), fingerprint)));
   EXPECT_EQ(decoded.spec.x, 10);
   EXPECT_EQ(decoded.spec.y, 20);
   EXPECT_EQ(decoded.spec.width, 61);

@@ -1,4 +1,4 @@
-// The tasks of a preparation, round by round. Not thread-safe: the job's mutex guards it.
+// Rounds of independent tasks, each numbered from 0. Not thread-safe: the job's mutex guards it.
 #pragma once
 
 #include <cstdint>
@@ -9,16 +9,16 @@
 
 namespace fogbank::render {
 
-class PreparationRounds {
+class TaskRounds {
  public:
   /// While no task runs.
   void begin_round(uint32_t tasks);
   /// A task that nobody has, if any.
-  std::optional<PreparationTask> take();
+  std::optional<RoundTask> take();
   /// False when it isn't of this round, runs already or is done.
-  bool begin(const PreparationTask& task);
+  bool begin(const RoundTask& task);
   /// Ends what `begin` began. True when that completed the round.
-  bool end(const PreparationTask& task, bool done);
+  bool end(const RoundTask& task, bool done);
 
  private:
   enum class State : uint8_t { waiting, running, done };

@@ -1,0 +1,68 @@
+#include "render/cache_survey.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "core/error.h"
+#include "render/film.h"
+
+namespace fogbank::render {
+
+namespace {
+
+/// Apart from the picture's own random numbers.
+constexpr uint32_t survey_stream = 2;
+
+float channel_of(const integrators::CacheView& view, Aov aov) {
+  switch (aov) {
+    case Aov::radius:
+      return view.radius;
+    case Aov::record_density:
+      return view.record_density;
+    case Aov::rejected:
+      return view.rejected;
+    case Aov::variance:
+      return view.variance;
+    case Aov::bias:
+      return view.bias;
+  }
+  return 0;
+}
+
+/// Where the lattice begins, and how many points it has, along a side of `length` pixels.
+std::pair<int32_t, uint32_t> lattice(int32_t length, int32_t stride) {
+  const int32_t first = std::min(stride / 2, (length - 1) / 2);
+  return {first, static_cast<uint32_t>((length - 1 - first) / stride + 1)};
+}
+
+}  // namespace
+
+CacheSurvey::CacheSurvey(const scene::Window& crop, int32_t stride, std::vector<Aov> channels)
+    : crop_(crop), stride_(stride), channels_(std::move(channels)) {
+  std::tie(first_x_, columns_) = lattice(crop.width, stride);
+  std::tie(first_y_, rows_) = lattice(crop.height, stride);
+  values_.assign(channels_.size(), std::vector<float>(size_t{columns_} * rows_));
+}
+
+void CacheSurvey::look(uint32_t row, const integrators::Integrator& integrator,
+                       const integrators::CameraRays& camera, uint64_t seed, RayCounters& counters) {
+  for (uint32_t column = 0; column < columns_; ++column) {
+    counters.poll();
+    const auto film_x = static_cast<uint32_t>(x(column));
+    const auto film_y = static_cast<uint32_t>(y(row));
+    RandomStream random(seed, film_x, film_y, 0, survey_stream);
+    const Ray ray = camera.sample(film_x, film_y, random);
+    const integrators::CacheView view = integrator.cache_view(ray, random, counters);
+    for (size_t i = 0; i < channels_.size(); ++i) {
+      const float value = channel_of(view, channels_[i]);
+      if (!(std::isfinite(value) && value >= 0)) {
+        throw Error(ErrorKind::internal, "RESULT_NOT_FINITE",
+                    "the cache's " + name_of(channels_[i]) + " in a pixel is " + std::to_string(value));
+      }
+      values_[i][size_t{row} * columns_ + column] = to_pixel(static_cast<double>(value));
+    }
+  }
+}
+
+}  // namespace fogbank::render
