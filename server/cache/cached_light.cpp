@@ -22,6 +22,18 @@ Spectrum finite_or_black(const Spectrum& sample) { return is_finite(sample) ? sa
 
 }  // namespace
 
+std::optional<LambertianHit> lambertian(const transport::World& world, const derivatives::SurfaceHit& hit,
+                                        uint8_t generation) {
+  const transport::ShadingPoint point = transport::World::shading_point(hit.surface);
+  const Vec3f wo = point.frame.to_local(-hit.direction);
+  const std::optional<Spectrum> reflectance = world.bsdf(hit.surface.shape).lambertian_reflectance(point, wo);
+  if (!reflectance) return std::nullopt;
+  const Vec3f& normal = hit.surface.shading_normal;
+  return LambertianHit{
+      *reflectance,
+      {hit.surface.position, wo.z < 0 ? -normal : normal, {hit.medium, 0, generation, Quantity::irradiance}}};
+}
+
 CachedLight::CachedLight(const transport::PathTracer& kernel, const Epoch* records, uint8_t generation)
     : kernel_(kernel), world_(kernel.world()), records_(records), generation_(generation) {}
 
@@ -65,6 +77,18 @@ void CachedLight::mean_radiance_at(std::span<const Vec3f> points, int32_t medium
 Spectrum CachedLight::leaving_radiance(const derivatives::SurfaceHit& hit, int32_t samples,
                                        RandomStream& random, RayCounters& counters) const {
   Spectrum sum(0);
+  if (const std::optional<LambertianHit> found = lambertian(world_, hit, generation_)) {
+    const Wish& place = found->irradiance;
+    const Index* index = records_ == nullptr ? nullptr : records_->find(place.component);
+    const Interpolation rest =
+        index == nullptr ? Interpolation{} : index->look_up(place.position, place.normal);
+    if (rest.weight > 0) {
+      for (int32_t i = 0; i < samples; ++i)
+        sum += finite_or_black(transport::reflected_direct_light(world_, hit.surface, hit.direction,
+                                                                 hit.medium, lights_alone, random, counters));
+      return sum / static_cast<float>(samples) + found->reflectance * rest.radiance;
+    }
+  }
   for (int32_t i = 0; i < samples; ++i)
     sum += finite_or_black(
         kernel_.scattered_radiance(hit.surface, hit.direction, hit.medium, depth, random, counters));

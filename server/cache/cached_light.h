@@ -2,13 +2,24 @@
 // instead of tracing paths.
 #pragma once
 
-#include <vector>
+#include <optional>
 
 #include "cache/index.h"
+#include "cache/record_maker.h"
 #include "derivatives/source.h"
 #include "transport/path_tracer.h"
 
 namespace fogbank::cache {
+
+/// What the light that leaves a hit towards its ray's origin follows from.
+struct LambertianHit {
+  Spectrum reflectance{0};
+  Wish irradiance;  ///< the record that would tell the rest
+};
+
+/// nullopt where it takes more than irradiance. `generation`: of the record.
+std::optional<LambertianHit> lambertian(const transport::World& world, const derivatives::SurfaceHit& hit,
+                                        uint8_t generation);
 
 /// Light straight from emitters is sampled at the emitters; the rest is looked up in records of one
 /// generation, and path traced where none reaches: unbiased but for what the records' own errors are.

@@ -81,6 +81,9 @@ class Epoch {
   Epoch(std::shared_ptr<const RecordSet> set, const MetricSettings& settings);
 
   const RecordSet& records() const { return *set_; }
+  /// Hash of all that look-ups in the records of one generation depend on: the records' ids, in any order,
+  /// and the settings.
+  uint64_t digest(uint8_t scattering_order) const;
   /// Null where the set holds no record of it.
   const Index* find(const Component& component) const;
   /// Bytes of records and indices together.
@@ -88,7 +91,8 @@ class Epoch {
 
  private:
   std::shared_ptr<const RecordSet> set_;
-  std::vector<Index> indices_;  ///< ascending by component
+  std::vector<Index> indices_;     ///< ascending by component
+  std::vector<uint64_t> digests_;  ///< by generation
 };
 
 }  // namespace fogbank::cache

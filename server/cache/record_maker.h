@@ -20,7 +20,9 @@ struct Wish {
 };
 
 struct RecordMakerSettings {
-  int32_t samples = 256;   ///< directions of a record, rounded as EstimatorSettings::samples is
+  /// Directions in which a record looks into the medium, rounded as EstimatorSettings::samples is; on
+  /// surfaces it looks in more.
+  int32_t samples = 256;
   int32_t max_depth = -1;  ///< edges of a whole path, as IntegratorSettings; -1: unbounded
   uint64_t seed = 0;
 };

@@ -82,6 +82,10 @@ class RecordSet {
   const uint8_t* nearest() const { return nearest_.data(); }
   uint32_t samples(size_t index) const { return details_[index].samples; }
 
+  std::span<const uint64_t> ids(const ComponentRange& range) const {
+    return std::span(ids_).subspan(range.first_record, range.record_count);
+  }
+
   /// Bytes of memory held.
   size_t memory() const;
 

@@ -62,12 +62,11 @@ Aware::Aware(std::shared_ptr<const transport::World> world, const EstimatorSetti
 
 RadianceJet Aware::estimate(const Vec3f& x, uint32_t repeat, RayCounters& counters) const {
   SphereSamples samples(*world_, plan_);
-  return estimate_from({paths_, paths_}, x, repeat, samples, counters);
+  return estimate_from({paths_, paths_}, x, world_->medium_at(x), repeat, samples, counters);
 }
 
-RadianceJet Aware::estimate_from(const LightSources& sources, const Vec3f& x, uint32_t repeat,
+RadianceJet Aware::estimate_from(const LightSources& sources, const Vec3f& x, int32_t medium, uint32_t repeat,
                                  SphereSamples& samples, RayCounters& counters) const {
-  const int32_t medium = world_->medium_at(x);
   RadianceJet sum;
   // Camera, x, light: two edges.
   if (settings_.emission && settings_.order != Order::multiple &&
@@ -83,7 +82,13 @@ RadianceJet Aware::estimate_from(const LightSources& sources, const Vec3f& x, ui
     sphere_.sample_radiance(sources.surfaces, random, samples, counters);
   }
   sphere_.find_outlines(samples, counters);
-  if (settings_.order != Order::multiple) sum += sphere_.gather(samples, counters);
+  if (settings_.order != Order::multiple) {
+    sum += sphere_.gather(samples, counters);
+    const auto ends = samples.rays.ends();
+    for (size_t i = 0; i < ends.size(); ++i)
+      samples.arriving[i] +=
+          static_cast<double>(luminance(ends[i].weight * (samples.radiance[i] + ends[i].emitted)));
+  }
   if (plan_.shells()) {
     RandomStream random = random_at(x, settings_.seed, repeat, medium_stream);
     add_medium(sources.medium, x, samples, random, sum, counters);
@@ -91,7 +96,7 @@ RadianceJet Aware::estimate_from(const LightSources& sources, const Vec3f& x, ui
   return sum;
 }
 
-void Aware::add_medium(const MediumSource& source, const Vec3f& x, const SphereSamples& samples,
+void Aware::add_medium(const MediumSource& source, const Vec3f& x, SphereSamples& samples,
                        RandomStream& random, RadianceJet& sum, RayCounters& counters) const {
   const std::vector<MediumRay> rays = medium_rays(samples.rays.lines(), counters);
   counters.poll();
@@ -99,7 +104,7 @@ void Aware::add_medium(const MediumSource& source, const Vec3f& x, const SphereS
       ray_outlines(samples, far_radii * static_cast<double>(world_->scene().bounds.radius));
   sum += MediumGather(*world_, source)
              .gather(x, rays, samples.rays.topology().triangles(), outlines, settings_.derivatives, random,
-                     counters);
+                     counters, samples.arriving);
 }
 
 }  // namespace fogbank::derivatives

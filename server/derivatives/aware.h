@@ -20,15 +20,15 @@ class Aware final : public Estimator {
 
   /// Light of medium and surfaces is path traced.
   RadianceJet estimate(const Vec3f& x, uint32_t repeat, RayCounters& counters) const override;
-  /// The same with light from elsewhere. `samples`, made for plan(), keeps what was seen around x; untouched
-  /// where the plan wants no sphere grid.
-  RadianceJet estimate_from(const LightSources& sources, const Vec3f& x, uint32_t repeat,
+  /// The same with light from elsewhere at `x` in `medium`. `samples`, made for plan(), keeps what was seen
+  /// around x: no rays where the plan wants no sphere grid.
+  RadianceJet estimate_from(const LightSources& sources, const Vec3f& x, int32_t medium, uint32_t repeat,
                             SphereSamples& samples, RayCounters& counters) const;
   const transport::Plan& plan() const { return plan_; }
 
  private:
-  void add_medium(const MediumSource& source, const Vec3f& x, const SphereSamples& samples,
-                  RandomStream& random, RadianceJet& sum, RayCounters& counters) const;
+  void add_medium(const MediumSource& source, const Vec3f& x, SphereSamples& samples, RandomStream& random,
+                  RadianceJet& sum, RayCounters& counters) const;
 
   std::shared_ptr<const transport::World> world_;
   EstimatorSettings settings_;

@@ -180,7 +180,8 @@ void MediumGather::subtract_linear_source(MediumRecord& record, RandomStream& ra
 RadianceJet MediumGather::gather(const Vec3f& x, std::span<const MediumRay> rays,
                                  std::span<const std::array<uint32_t, 3>> triangles,
                                  std::span<const RayOutline> outlines, DerivativeOrder order,
-                                 RandomStream& random, RayCounters& counters) const {
+                                 RandomStream& random, RayCounters& counters,
+                                 std::span<double> arriving) const {
   RadianceJet result;
   if (rays.empty()) return result;
   MediumRecord record(world_, x, rays, triangles, outlines);
@@ -189,6 +190,10 @@ RadianceJet MediumGather::gather(const Vec3f& x, std::span<const MediumRay> rays
   if (order != DerivativeOrder::value) {
     if (!record.nearby.empty()) subtract_linear_source(record, random, counters);
     result = record.derivatives(counters);
+  }
+  for (size_t i = 0; i < arriving.size(); ++i) {
+    const Vec3d along = record.value_along(i);
+    for (size_t c = 0; c < 3; ++c) arriving[i] += luminance_weights[c] * along[static_cast<int>(c)];
   }
   const Vec3d value = record.value();
   for (int c = 0; c < 3; ++c) {

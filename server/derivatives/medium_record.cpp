@@ -46,6 +46,12 @@ MediumRecord::MediumRecord(const transport::World& the_world, const Vec3f& point
             [](const RayOutline& a, const RayOutline& b) { return pair_of(a) < pair_of(b); });
 }
 
+Vec3d MediumRecord::value_along(size_t ray) const {
+  Vec3d sum(0);
+  for (const MediumSample& sample : samples_of(ray)) sum += sample.weight * sample.source;
+  return sum;
+}
+
 Vec3d MediumRecord::value() const {
   Vec3d sum(0);
   for (const MediumSample& sample : samples) sum += sample.weight * sample.source;

@@ -55,6 +55,8 @@ struct MediumRecord {
   std::span<const MediumSample> samples_of(size_t ray) const {
     return std::span(samples).subspan(first[ray], first[ray + 1] - first[ray]);
   }
+  /// What one ray brings.
+  Vec3d value_along(size_t ray) const;
   /// Stratified mean over the rays.
   Vec3d value() const;
   /// Gradient and Hessian of all channels; values are those of the triangulation, which is biased. Throws

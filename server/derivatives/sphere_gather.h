@@ -20,6 +20,9 @@ struct SphereSamples {
   SphereRays rays;
   Outlines outlines;
   std::vector<Spectrum> radiance;  ///< leaving each ray's end towards the point; unbiased, noisy
+  /// Luminance that arrives along each ray from everything that was gathered: the estimate's value is their
+  /// mean.
+  std::vector<double> arriving;
 };
 
 /// Immutable; serves all threads.

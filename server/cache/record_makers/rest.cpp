@@ -1,56 +1,159 @@
 #include "cache/record_makers/rest.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <optional>
 
-#include "core/sampling.h"
-#include "scene/scene.h"
+#include "cache/cached_light.h"
+#include "derivatives/direction_grid.h"
+#include "derivatives/medium_march.h"
+#include "derivatives/medium_rays.h"
+#include "derivatives/random_at.h"
 
 namespace fogbank::cache {
 
-RestRecordMaker::RestRecordMaker(std::shared_ptr<const transport::World> world,
-                                 const RecordMakerSettings& settings)
-    : world_(std::move(world)) {
-  settings_.emission = false;
-  settings_.samples = settings.samples;
-  settings_.repeats = 2;
-  settings_.max_depth = settings.max_depth;
-  settings_.seed = settings.seed;
-  estimator_ = derivatives::make_estimator("aware", world_, settings_);
+namespace {
+
+/// Random numbers are apart.
+enum Repeat : uint32_t { surfaces_repeat, medium_repeat };
+constexpr uint32_t sources_stream = 16;
+
+/// Directions towards surfaces, one sample or a few each, for one along which the medium is sampled: seven
+/// times on average, besides what its derivatives cost. Surfaces lit in patches make most of the noise.
+constexpr int32_t surface_share = 4;
+
+derivatives::EstimatorSettings estimator_settings(const RecordMakerSettings& settings,
+                                                  derivatives::Order order) {
+  derivatives::EstimatorSettings result;
+  result.order = order;
+  result.emission = false;
+  result.samples = settings.samples;
+  if (order == derivatives::Order::single)
+    result.samples = std::min(settings.samples, derivatives::EstimatorLimits::most_samples / surface_share) *
+                     surface_share;
+  result.repeats = 1;
+  result.max_depth = settings.max_depth;
+  result.seed = settings.seed;
+  return result;
 }
 
-Record RestRecordMaker::make(const Wish& wish, const Epoch* /*sources*/, RayCounters& counters) const {
-  const derivatives::PointEstimate estimate = derivatives::average(*estimator_, settings_, wish.position);
-  counters.closest_hit += estimate.samples;
+/// Variance of the mean of stratified samples, one a stratum, neighbours in the order being neighbours in
+/// direction: half the squared difference of two neighbours estimates the variance of each, and counts what
+/// differs between their strata as noise, which is on the safe side.
+double variance_of_mean(std::span<const double> samples) {
+  double sum = 0;
+  for (size_t i = 0; i + 1 < samples.size(); i += 2)
+    sum += (samples[i] - samples[i + 1]) * (samples[i] - samples[i + 1]);
+  const auto count = static_cast<double>(samples.size());
+  return count > 0 ? sum / (count * count) : 0;
+}
+
+/// Nearest distance by direction of the lines of sight and of the outlines between them. Bins that none of
+/// these falls into take what lines nearby found.
+DepthBins depth_bins(const derivatives::SphereSamples& samples) {
+  const derivatives::Sightlines& lines = samples.rays.lines();
+  DepthBins bins;
+  std::array<bool, DepthBins::count> seen{};
+  for (size_t i = 0; i < lines.size(); ++i) {
+    bins.insert(lines.direction(i), lines.distance(i));
+    seen[DepthBins::bin(lines.direction(i))] = true;
+  }
+  for (const derivatives::Outline& outline : samples.outlines.points)
+    bins.insert(outline.direction, outline.near_distance);
+  // Half the spacing of lines to each side.
+  const float reach = std::sqrt(pi / static_cast<float>(std::max<size_t>(lines.size(), 1)));
+  for (size_t i = 0; i < lines.size(); ++i) {
+    const Frame frame = Frame::from_normal(lines.direction(i));
+    for (const Vec2f& offset : {Vec2f(reach, 0), Vec2f(-reach, 0), Vec2f(0, reach), Vec2f(0, -reach)}) {
+      const Vec3f direction = frame.to_world({offset.x, offset.y, 1});
+      if (!seen[DepthBins::bin(direction)]) bins.insert(direction, lines.distance(i));
+    }
+  }
+  return bins;
+}
+
+}  // namespace
+
+RestRecordMaker::RestRecordMaker(std::shared_ptr<const transport::World> world,
+                                 const RecordMakerSettings& settings)
+    : world_(std::move(world)),
+      settings_(settings),
+      surfaces_(world_, estimator_settings(settings, derivatives::Order::single)),
+      medium_(world_, estimator_settings(settings, derivatives::Order::multiple)),
+      kernel_(std::make_shared<transport::PathTracer>(
+          world_, transport::PathSettings{.max_depth = settings.max_depth})) {
+  derivatives::validate(estimator_settings(settings, derivatives::Order::multiple));
+}
+
+uint64_t RestRecordMaker::id_of(const Wish& wish, const Epoch* sources) const {
+  std::string settings =
+      "aware " + std::to_string(settings_.samples) + ' ' + std::to_string(settings_.max_depth);
+  if (reads_records(wish) && sources != nullptr)
+    settings += ' ' + std::to_string(sources->digest(wish.component.scattering_order - 1));
+  return content_id(wish.position, wish.component, settings, settings_.seed);
+}
+
+Record RestRecordMaker::make(const Wish& wish, const Epoch* sources, RayCounters& counters) const {
+  const uint64_t rays_before = counters.total();
+  derivatives::SphereSamples on_surfaces(*world_, surfaces_.plan());
+  derivatives::SphereSamples in_medium(*world_, medium_.plan());
+  const auto estimate_from = [&](const auto& source) {
+    const derivatives::LightSources light{source, source};
+    const int32_t medium = wish.component.medium;
+    derivatives::RadianceJet sum =
+        surfaces_.estimate_from(light, wish.position, medium, surfaces_repeat, on_surfaces, counters);
+    sum += medium_.estimate_from(light, wish.position, medium, medium_repeat, in_medium, counters);
+    return sum;
+  };
+  const derivatives::RadianceJet jet =
+      reads_records(wish) ? estimate_from(CachedLight(*kernel_, sources, wish.component.scattering_order - 1))
+                          : estimate_from(derivatives::PathTracedSource(kernel_, CachedLight::depth));
   Record record;
   record.position = wish.position;
   record.component = wish.component;
-  const derivatives::Jet3d luminance = estimate.mean.luminance();
+  const derivatives::Jet3d luminance = jet.luminance();
   for (int c = 0; c < 3; ++c) {
-    const derivatives::Jet3d& channel = estimate.mean.channels[static_cast<size_t>(c)];
+    const derivatives::Jet3d& channel = jet.channels[static_cast<size_t>(c)];
     record.radiance[c] = std::fmax(static_cast<float>(channel.value), 0.0f);
     record.gradient[static_cast<size_t>(c)] = Vec3f(channel.gradient);
   }
   for (size_t i = 0; i < 6; ++i) record.hessian.entries[i] = static_cast<float>(luminance.hessian.entries[i]);
-  record.samples = static_cast<uint32_t>(std::max<uint64_t>(estimate.samples, 1));
+  record.samples = static_cast<uint32_t>(std::max<uint64_t>(counters.total() - rays_before, 1));
   record.variance =
-      static_cast<float>(estimate.luminance_standard_error.value * estimate.luminance_standard_error.value);
-  const scene::Intersector& intersector = *world_->scene().intersector;
-  for (uint32_t i = 0; i < 8 * 16; ++i) {
-    const Vec2f u((static_cast<float>(i % 16) + 0.5f) / 16, (static_cast<float>(i / 16) + 0.5f) / 8);
-    const Vec3f direction = square_to_uniform_sphere(u);
-    scene::Hit hit;
-    ++counters.closest_hit;
-    if (intersector.intersect_solid({wish.position, direction, infinity}, hit))
-      record.depth.insert(direction, hit.distance);
-  }
-  record.id = content_id(record.position, record.component, "aware", settings_.seed);
+      static_cast<float>(variance_of_mean(on_surfaces.arriving) + variance_of_mean(in_medium.arriving));
+  record.depth = depth_bins(on_surfaces.arriving.empty() ? in_medium : on_surfaces);
+  record.id = id_of(wish, sources);
   return record;
 }
 
-std::vector<Wish> RestRecordMaker::sources_of(const Wish& /*wish*/, int32_t /*count*/,
-                                              RayCounters& /*counters*/) const {
-  return {};
+std::vector<Wish> RestRecordMaker::sources_of(const Wish& wish, int32_t count, RayCounters& counters) const {
+  std::vector<Wish> wishes;
+  if (!reads_records(wish)) return wishes;
+  RandomStream random = derivatives::random_at(wish.position, settings_.seed, 0, sources_stream);
+  // One place in the medium and one on a surface a ray.
+  const int32_t side = derivatives::DirectionTopology::side_for(std::max(count / 2, 1));
+  derivatives::SphereRays rays(*world_, surfaces_.plan());
+  rays.trace(wish.position, wish.component.medium, side, random, counters);
+  Component component = wish.component;
+  --component.scattering_order;
+  for (const derivatives::MediumRay& ray : derivatives::medium_rays(rays.lines(), counters)) {
+    for (const derivatives::MediumStretch& stretch : ray.stretches) {
+      if (stretch.medium == scene::none || is_black(world_->medium(stretch.medium).sigma_s)) continue;
+      const derivatives::DistanceSample place = derivatives::sample_stratum(
+          Vec3d(world_->medium(stretch.medium).sigma_t), 0, stretch.end - stretch.begin, random.next_float());
+      if (!std::isfinite(place.distance)) continue;
+      component.medium = stretch.medium;
+      component.quantity = Quantity::rest;
+      wishes.push_back(
+          {wish.position + Vec3f(ray.direction * (stretch.begin + place.distance)), Vec3f(0), component});
+    }
+  }
+  for (const derivatives::SurfaceHit& hit : rays.hits()) {
+    if (const auto found = lambertian(*world_, hit, component.scattering_order))
+      wishes.push_back(found->irradiance);
+  }
+  return wishes;
 }
 
 }  // namespace fogbank::cache
