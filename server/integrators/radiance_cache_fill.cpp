@@ -99,7 +99,7 @@ uint32_t RadianceCacheFill::next_round() {
     case Round::begin:
       if (CachePilot& pilot = integrator_.pilot(); pilot.count() > 0 && pilot.records().empty()) {
         round_ = Round::pilot;
-        return pilot.count();
+        return static_cast<uint32_t>(std::min<uint64_t>(pilot.count(), records_left()));
       }
       publish();
       return begin_probing();
@@ -177,11 +177,13 @@ void RadianceCacheFill::probe(uint32_t band, RayCounters& counters) {
 void RadianceCacheFill::grant_wishes() {
   std::vector<cache::SpacedWish> all;
   for (std::vector<cache::SpacedWish>& band : found_) std::ranges::move(band, std::back_inserter(all));
-  const auto most = static_cast<uint64_t>(integrator_.settings().most_records);
-  const uint64_t made = integrator_.cache_counts().records_new;
   granted_.clear();
-  if (made >= most) return;
-  for (const uint32_t i : cache::thin(all, 0, most - made)) granted_.push_back(all[i].wish);
+  for (const uint32_t i : cache::thin(all, 0, records_left())) granted_.push_back(all[i].wish);
+}
+
+uint64_t RadianceCacheFill::records_left() const {
+  const auto most = static_cast<uint64_t>(integrator_.settings().most_records);
+  return most - std::min(most, integrator_.cache_counts().records_new);
 }
 
 void RadianceCacheFill::publish() {

@@ -27,6 +27,7 @@ class RadianceCacheFill final : public Preparation {
   /// Camera rays through a band of pixels, `stride_` apart.
   void probe(uint32_t band, RayCounters& counters);
   void grant_wishes();
+  uint64_t records_left() const;  ///< that the job may still make
   void publish();
 
   RadianceCacheIntegrator& integrator_;
