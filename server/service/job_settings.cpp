@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "service/field_errors.h"
 #include "service/limits.h"
+#include "service/rpc_error.h"
 
 namespace fogbank::service {
 
@@ -86,6 +87,70 @@ void resolve_camera(const v1::CameraOverride& camera, scene::Sensor& sensor) {
   if (camera.has_focus_distance()) sensor.focus_distance = camera.focus_distance();
 }
 
+void resolve_cache(const v1::RenderSettings& requested, render::RenderSettings& engine) {
+  integrators::IntegratorSettings& settings = engine.integrator_settings;
+  if (!v1::SingleScattering_IsValid(requested.single_scattering()))
+    refuse("single_scattering", "is not a SingleScattering");
+  switch (requested.single_scattering()) {
+    case v1::SINGLE_SCATTERING_DIRECT:
+      settings.single_scattering = integrators::SingleScattering::direct;
+      break;
+    case v1::SINGLE_SCATTERING_GUIDED:
+      settings.single_scattering = integrators::SingleScattering::guided;
+      break;
+    case v1::SINGLE_SCATTERING_CACHED:
+      settings.single_scattering = integrators::SingleScattering::cached;
+      break;
+    default:
+      settings.single_scattering = integrators::SingleScattering::automatic;
+  }
+  settings.spheres = requested.spheres();
+  if (requested.has_error() && !(requested.error() > 0)) refuse("error", "must be positive");
+  engine.error = requested.error();
+  if (requested.has_epoch()) {
+    if (requested.has_records()) refuse("records", "a job of a given epoch makes no records");
+    settings.most_records = 0;
+  }
+  if (requested.has_records()) {
+    check_range("records", requested.records(), 1, render::RenderLimits::most_records);
+    engine.record_budget = requested.records();
+    settings.most_records = requested.records();
+  }
+  for (const int aov : requested.aovs()) {
+    switch (aov) {
+      case v1::AOV_RADIUS:
+        engine.aovs.push_back(render::Aov::radius);
+        break;
+      case v1::AOV_RECORD_DENSITY:
+        engine.aovs.push_back(render::Aov::record_density);
+        break;
+      case v1::AOV_REJECTED:
+        engine.aovs.push_back(render::Aov::rejected);
+        break;
+      case v1::AOV_VARIANCE:
+        engine.aovs.push_back(render::Aov::variance);
+        break;
+      case v1::AOV_BIAS:
+        engine.aovs.push_back(render::Aov::bias);
+        break;
+      default:
+        refuse("aovs", std::to_string(aov) + " is not an Aov");
+    }
+  }
+}
+
+/// What only integrators with a cache understand is refused for others, instead of doing nothing.
+void check_cached(const v1::RenderSettings& requested, const std::string& integrator) {
+  if (uses_cache(integrator)) return;
+  const char* field = requested.has_records()                                                     ? "records"
+                      : requested.single_scattering() != v1::SINGLE_SCATTERING_UNSPECIFIED ? "single_scattering"
+                      : requested.spheres()                                                       ? "spheres"
+                      : requested.aovs_size() > 0                                                 ? "aovs"
+                      : requested.has_epoch()                                                     ? "epoch"
+                                                                                                  : nullptr;
+  if (field != nullptr) refuse(field, "the integrator \"" + integrator + "\" has no cache");
+}
+
 /// The engine names its own fields in front of a colon; clients know the request's.
 [[noreturn]] void refuse_for_engine(const Error& error) {
   static const std::map<std::string, std::string> wire_names = {
@@ -99,6 +164,9 @@ void resolve_camera(const v1::CameraOverride& camera, scene::Sensor& sensor) {
       {"sensor.aperture_radius", "camera.aperture_radius"},
       {"sensor.focus_distance", "camera.focus_distance"},
       {"first_region", "region"},
+      {"record_budget", "records"},
+      {"integrator_settings.most_records", "records"},
+      {"reference", "reference_sha256"},
   };
   const EngineFieldError parts(error);
   const auto wire = wire_names.find(parts.field);
@@ -121,6 +189,11 @@ render::PixelType pixel_type(const v1::RenderSettings& effective) {
                                                         : render::PixelType::half_float;
 }
 
+bool uses_cache(const std::string& integrator) {
+  const auto all = integrators::supported_integrators();
+  return std::ranges::any_of(all, [&](const auto& info) { return info.name == integrator && info.cached; });
+}
+
 JobSettings resolve_settings(const v1::RenderSettings& requested, const scene::Scene& scene,
                              int server_threads) {
   JobSettings resolved;
@@ -135,8 +208,13 @@ JobSettings resolve_settings(const v1::RenderSettings& requested, const scene::S
   engine.integrator_settings.rr_depth =
       requested.has_rr_depth() ? requested.rr_depth() : scene.defaults.rr_depth;
   engine.integrator_settings.hide_emitters = scene.defaults.hide_emitters;
-  engine.samples_per_pixel =
-      requested.has_samples_per_pixel() ? requested.samples_per_pixel() : scene.defaults.samples_per_pixel;
+  check_cached(requested, engine.integrator);
+  resolve_cache(requested, engine);
+  // With a time or an error to end at, the scene's number of samples would only be in the way.
+  const bool open_end = requested.has_time_budget_seconds() || requested.has_error();
+  engine.samples_per_pixel = requested.has_samples_per_pixel() ? requested.samples_per_pixel()
+                             : open_end                        ? render::RenderLimits::samples_per_pixel
+                                                               : scene.defaults.samples_per_pixel;
   if (requested.has_time_budget_seconds() && !(requested.time_budget_seconds() > 0)) {
     refuse("time_budget_seconds", "must be positive");
   }
@@ -167,6 +245,8 @@ JobSettings resolve_settings(const v1::RenderSettings& requested, const scene::S
   }
 
   effective.set_integrator(engine.integrator);
+  if (uses_cache(engine.integrator) && requested.single_scattering() == v1::SINGLE_SCATTERING_UNSPECIFIED)
+    effective.set_single_scattering(v1::SINGLE_SCATTERING_AUTOMATIC);
   effective.set_samples_per_pixel(engine.samples_per_pixel);
   effective.set_width(engine.film.width);
   effective.set_height(engine.film.height);
@@ -179,6 +259,34 @@ JobSettings resolve_settings(const v1::RenderSettings& requested, const scene::S
   effective.set_max_threads(
       std::min(requested.has_max_threads() ? requested.max_threads() : server_threads, server_threads));
   effective.set_update_interval_seconds(interval);
+  return resolved;
+}
+
+FillSettings resolve_fill(const v1::FillCacheRequest& request, const scene::Scene& scene,
+                          int server_threads) {
+  if (request.settings().has_camera()) refuse("camera", "a fill has a list of cameras of its own");
+  if (request.settings().has_epoch()) refuse("epoch", "a fill adds to the newest epoch");
+  if (request.cameras_size() > limits::max_fill_cameras) {
+    throw RpcError(grpc::StatusCode::INVALID_ARGUMENT, "TOO_MANY_CAMERAS",
+                   std::to_string(request.cameras_size()) + " cameras are above the limit of " +
+                       std::to_string(limits::max_fill_cameras),
+                   {{"limit", "max_fill_cameras"}});
+  }
+  FillSettings resolved{.engine = resolve_settings(request.settings(), scene, server_threads).engine,
+                        .cameras = {}};
+  if (!uses_cache(resolved.engine.integrator))
+    refuse("integrator", "\"" + resolved.engine.integrator + "\" has no cache to fill");
+  if (request.cameras().empty()) resolved.cameras.push_back(resolved.engine.sensor);
+  for (int i = 0; i < request.cameras_size(); ++i) {
+    v1::RenderSettings settings = request.settings();
+    *settings.mutable_camera() = request.cameras(i);
+    try {
+      resolved.cameras.push_back(resolve_settings(settings, scene, server_threads).engine.sensor);
+    } catch (const RpcError& error) {
+      const std::string field = "cameras[" + std::to_string(i) + "]";
+      throw RpcError(error.code(), error.reason(), field + ": " + error.what(), {{"field", field}});
+    }
+  }
   return resolved;
 }
 

@@ -55,6 +55,14 @@ inline constexpr int64_t max_probe_repeats = derivatives::EstimatorLimits::most_
 inline constexpr double probe_slice_seconds = 0.02;
 inline constexpr double probe_stall_seconds = 600;
 
+// Caches.
+inline constexpr int64_t max_fills = 16;
+inline constexpr int64_t max_fill_cameras = 10000;
+inline constexpr int64_t max_merge_files = 64;
+inline constexpr int64_t max_view_side = 4096;
+inline constexpr int64_t default_view_side = 1024;
+inline constexpr int64_t max_kept_epochs = 4;
+
 // Points of the two-dimensional model.
 inline constexpr int64_t max_flatland_points = 4096;
 inline constexpr int64_t max_flatland_cache_points = 256 * 256;

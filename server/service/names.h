@@ -20,6 +20,10 @@ std::string scene_name(const std::string& id);
 std::string parse_job_name(const std::string& name);
 std::string job_name(const std::string& id);
 
+/// "caches/{64 hexadecimal digits}" -> the digits. Throws RpcError INVALID_NAME.
+std::string parse_cache_name(const std::string& name);
+std::string cache_name(const std::string& fingerprint);
+
 /// A new job id, unused in this process: 14 digits of creation time in microseconds, so that ids sort by age,
 /// and 10 random ones.
 std::string new_job_id();

@@ -39,7 +39,7 @@ DESCRIPTIONS: dict[ExitCode, str] = {
     ExitCode.SCENE_INVALID: "the scene cannot be loaded; the message names file, line and element",
     ExitCode.SERVER_UNREACHABLE: "the server cannot be reached, or the embedded one does not come up",
     ExitCode.JOB_FAILED: "the job ended with an error, or has no image",
-    ExitCode.NOT_FOUND: "no such scene or job",
+    ExitCode.NOT_FOUND: "no such scene, job or cache",
     ExitCode.LIMIT: "over a limit of the server (`fogbank server capabilities` lists them)",
     ExitCode.LOCAL_FILE: "a file of this machine cannot be written or read",
     ExitCode.CANCELLED: "the job was cancelled, or the command interrupted (Ctrl-C)",

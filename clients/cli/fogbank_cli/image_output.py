@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Literal, ParamSpec, TypeVar
+from typing import Literal, ParamSpec, TypeVar
 
 import click
 import fogbank
@@ -108,13 +108,39 @@ def _film_size(job: fogbank.Job) -> tuple[int, int]:
 def _summary(job: fogbank.Job, statistics: fogbank.RenderStatistics, paths: Sequence[Path]) -> str:
     """Where the image is and how good."""
     rays_per_second = statistics.rays / statistics.render_seconds if statistics.render_seconds > 0 else 0.0
-    noise: Any = statistics.relative_noise
     parts = [
         f"{statistics.window.width}x{statistics.window.height}",
         f"{statistics.samples_per_pixel} spp",
         f"rendered in {duration(statistics.render_seconds)}",
         quantity(rays_per_second, "rays/s"),
-        "noise unknown" if noise is None else f"estimated noise {100.0 * noise:.2g} %",
+        error_summary(statistics),
     ]
+    if statistics.cache is not None:
+        parts.append(records_summary(statistics.records_reused, statistics.records_new))
     where = ", ".join(str(path) for path in paths) or job.name
     return f"{where}: {', '.join(parts)}"
+
+
+def error_summary(statistics: fogbank.RenderStatistics) -> str:
+    """What is known about the error of an image."""
+    if statistics.cache is None:
+        noise = statistics.relative_noise
+        text = "noise unknown" if noise is None else f"estimated noise {100.0 * noise:.2g} %"
+    elif statistics.estimated_error is None or statistics.noise is None or statistics.bias is None:
+        text = "error unknown"
+    else:
+        text = (
+            f"estimated error {100.0 * statistics.estimated_error:.2g} %"
+            f" (noise {100.0 * statistics.noise:.2g} %, cache {100.0 * statistics.bias:.2g} %)"
+        )
+    if statistics.true_error is not None:
+        text += (
+            f", true error: median {100.0 * statistics.true_error.median:.2g} %,"
+            f" 99th percentile {100.0 * statistics.true_error.percentile_99:.2g} %"
+        )
+    return text
+
+
+def records_summary(reused: int, new: int) -> str:
+    """How many records were there, and how many had to be made."""
+    return f"{reused} records reused, {new} new"

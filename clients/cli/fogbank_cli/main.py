@@ -14,6 +14,7 @@ from pathlib import Path
 import click
 from fogbank import FogbankError
 
+from fogbank_cli.cache import cache
 from fogbank_cli.exit_codes import ExitCode, exit_code, help_table
 from fogbank_cli.job import job
 from fogbank_cli.plan import plan
@@ -24,8 +25,20 @@ from fogbank_cli.scene import scene
 from fogbank_cli.serve import serve
 from fogbank_cli.server import server
 from fogbank_cli.session import Session
+from fogbank_cli.sweep import sweep
 
-COMMANDS: tuple[click.Command, ...] = (render, probe, plan, serve, scene, job, server, reproduce)
+COMMANDS: tuple[click.Command, ...] = (
+    render,
+    sweep,
+    probe,
+    plan,
+    serve,
+    scene,
+    job,
+    cache,
+    server,
+    reproduce,
+)
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]}, epilog=help_table())

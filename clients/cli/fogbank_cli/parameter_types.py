@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import get_args
 
 import click
 from fogbank import Window
 from fogbank.image import check_image_path
+from fogbank.settings import AovName
 
 
 class SizeType(click.ParamType[tuple[int | None, int | None]]):
@@ -59,6 +61,61 @@ class PointType(click.ParamType[tuple[float, float, float]]):
         if not all(map(math.isfinite, (x, y, z))):
             self.fail(f"'{value}' is not a point: its coordinates must be finite", param, ctx)
         return x, y, z
+
+
+class AovsType(click.ParamType[tuple[AovName, ...]]):
+    """NAME,NAME,... of additional channels."""
+
+    name = "NAME,..."
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> tuple[AovName, ...]:
+        """The names, in their order."""
+        names: list[AovName] = []
+        for text in str(value).split(","):
+            known = next((name for name in get_args(AovName) if name == text.strip()), None)
+            if known is None:
+                self.fail(f"'{text}' is none of {', '.join(get_args(AovName))}", param, ctx)
+            names.append(known)
+        return tuple(names)
+
+
+class FramePatternType(click.ParamType[str]):
+    """Name of each frame's file with its number as %d or %04d; .exr or .png."""
+
+    name = "FILE%04d.exr"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """The pattern."""
+        pattern = str(value)
+        try:
+            distinct = pattern % 0 != pattern % 1
+        except (TypeError, ValueError):
+            distinct = False
+        if not distinct:
+            self.fail(f"'{value}' does not number the frames; write for example frames/%04d.exr", param, ctx)
+        try:
+            check_image_path(Path(pattern % 0))
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+        return pattern
+
+
+class SizeInBytesType(click.ParamType[int]):
+    """Bytes, with K, M, G or T for powers of 1024."""
+
+    name = "BYTES"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """The number of bytes."""
+        text = str(value).upper().removesuffix("B")
+        power = "KMGT".find(text[-1:]) + 1 if text else 0
+        try:
+            size = float(text[:-1] if power else text) * 1024.0**power
+        except ValueError:
+            size = -1.0
+        if not 0.0 <= size < 2.0**63:
+            self.fail(f"'{value}' is not a number of bytes; write for example 20G", param, ctx)
+        return int(size)
 
 
 class AssignmentType(click.ParamType[tuple[str, str]]):

@@ -15,7 +15,7 @@ from fogbank_cli.parameter_types import AssignmentType
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
-Named = TypeVar("Named", fogbank.Scene, fogbank.Job)
+Named = TypeVar("Named", fogbank.Scene, fogbank.Job, fogbank.Cache)
 
 # Enough of a fingerprint to be unique in practice; what `ls` prints.
 SHORT_ID_LENGTH = 12
@@ -82,11 +82,11 @@ def short_id(name: str) -> str:
 
 
 def find(name: str, collection: str, get: Callable[[str], Named], everything: Iterable[Named]) -> Named:
-    """A scene or job by its name, its id, or an unambiguous beginning of its id.
+    """A scene, job or cache by its name, its id, or an unambiguous beginning of its id.
 
     Args:
         name: as the user typed it.
-        collection: "scenes" or "jobs".
+        collection: "scenes", "jobs" or "caches".
         get: asks the server for an exact name.
         everything: all of the collection.
     """

@@ -91,7 +91,13 @@ class ProgressDisplay:
         passes = f"pass {progress.passes_done}"
         if progress.passes_total is not None:
             passes += f"/{progress.passes_total}"
+        if progress.phase == "filling":
+            passes = "filling the cache"
         figures = [f"{progress.samples_per_pixel_done} spp", quantity(progress.rays_per_second, "rays/s")]
+        if progress.records_reused + progress.records_new > 0:
+            figures.append(f"{progress.records_new} new records")
+        if progress.estimated_error is not None:
+            figures.append(f"error {100.0 * progress.estimated_error:.2g} %")
         if progress.eta_seconds is not None:
             figures.append(f"{duration(progress.eta_seconds)} left")
         tenths = int(10.0 * progress.fraction)

@@ -15,7 +15,18 @@ import os
 # Makes gRPC survive a fork, so that forked children can open channels of their own; read when grpc is imported.
 os.environ.setdefault("GRPC_ENABLE_FORK_SUPPORT", "1")
 
+from fogbank.cache import (
+    Cache,
+    CacheStatistics,
+    FillProgress,
+    GarbageReport,
+    ImportReport,
+    SceneCache,
+    VerifyReport,
+)
+from fogbank.cache_view import CacheComponent, CacheView, Plan, RecordExtents
 from fogbank.camera import CameraLike
+from fogbank.camera_path import interpolate, orbit, read_keyframes
 from fogbank.capabilities import Capabilities, Limit, ServerStatus
 from fogbank.errors import (
     AbortedError,
@@ -41,11 +52,11 @@ from fogbank.errors import (
 from fogbank.flatland import FlatlandEstimates, FlatlandOptions, FlatlandScene
 from fogbank.flatland_cache import FlatlandCache, FlatlandExtents
 from fogbank.image import Image, to_srgb
-from fogbank.job import Job, JobEvent, JobState, Progress, RenderStatistics
+from fogbank.job import ErrorReport, Job, JobEvent, JobState, Progress, RenderStatistics, TrueError
 from fogbank.pixels import Tile, place
 from fogbank.probe import PlanTerm, ProbeField, ProbeOptions, ProbeResult
 from fogbank.retry import RetryPolicy
-from fogbank.scene import LoadTimes, RenderDefaults, Scene, SceneStatistics
+from fogbank.scene import Bounds, LoadTimes, RenderDefaults, Scene, SceneStatistics
 from fogbank.service import Service, connect
 from fogbank.settings import RenderOptions
 from fogbank.upload import UploadProgress
@@ -54,19 +65,28 @@ from fogbank.window import Window
 __all__ = [
     "AbortedError",
     "AlreadyExistsError",
+    "Bounds",
+    "Cache",
+    "CacheComponent",
+    "CacheStatistics",
+    "CacheView",
     "CallCancelledError",
     "CameraLike",
     "Capabilities",
     "DataLossError",
     "DeadlineExceededError",
+    "ErrorReport",
     "FailedPreconditionError",
+    "FillProgress",
     "FlatlandCache",
     "FlatlandEstimates",
     "FlatlandExtents",
     "FlatlandOptions",
     "FlatlandScene",
     "FogbankError",
+    "GarbageReport",
     "Image",
+    "ImportReport",
     "InternalError",
     "InvalidArgumentError",
     "InvalidSceneError",
@@ -79,28 +99,36 @@ __all__ = [
     "LoadTimes",
     "NotFoundError",
     "PermissionDeniedError",
+    "Plan",
     "PlanTerm",
     "ProbeField",
     "ProbeOptions",
     "ProbeResult",
     "Progress",
+    "RecordExtents",
     "RenderDefaults",
     "RenderOptions",
     "RenderStatistics",
     "ResourceExhaustedError",
     "RetryPolicy",
     "Scene",
+    "SceneCache",
     "SceneStatistics",
     "ServerStartError",
     "ServerStatus",
     "Service",
     "Tile",
+    "TrueError",
     "UnauthenticatedError",
     "UnavailableError",
     "UnsupportedError",
     "UploadProgress",
+    "VerifyReport",
     "Window",
     "connect",
+    "interpolate",
+    "orbit",
     "place",
+    "read_keyframes",
     "to_srgb",
 ]

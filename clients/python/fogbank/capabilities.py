@@ -35,6 +35,9 @@ class Capabilities:
     integrators: dict[str, str]
     """What `RenderOptions.integrator` takes, each with a description."""
 
+    cached_integrators: frozenset[str]
+    """Those of `integrators` that read and fill the scene's radiance cache."""
+
     probe_methods: dict[str, str]
     """What `ProbeOptions.method` takes, each with a description."""
 
@@ -57,6 +60,7 @@ class Capabilities:
             version=message.version,
             build_id=message.build_id,
             integrators={integrator.name: integrator.description for integrator in message.integrators},
+            cached_integrators=frozenset(item.name for item in message.integrators if item.cached),
             probe_methods={method.name: method.description for method in message.probe_methods},
             limits={limit.name: Limit(limit.value, limit.unit, limit.description) for limit in message.limits},
             scene_plugins={plugins.kind: list(plugins.names) for plugins in message.scene_plugins},
@@ -108,6 +112,12 @@ class ServerStatus:
     probes: int
     """Open streams of points."""
 
+    cache_memory_bytes: int
+    """Memory of the loaded caches."""
+
+    fills: int
+    """Caches that are being filled without a picture."""
+
     @classmethod
     def from_message(cls, message: server_pb2.GetServerStatusResponse) -> ServerStatus:
         """The status of a wire message."""
@@ -132,4 +142,6 @@ class ServerStatus:
             rays=message.rays,
             watchers=message.watchers,
             probes=message.probes,
+            cache_memory_bytes=message.cache_memory_bytes,
+            fills=message.fills,
         )

@@ -10,6 +10,7 @@ from typing import Protocol, TypeVar
 import grpc
 from grpc._cython import cygrpc  # type: ignore[attr-defined]  # in no stubs
 
+from fogbank._generated.v1.cache_pb2_grpc import CacheServiceStub
 from fogbank._generated.v1.flatland_pb2_grpc import FlatlandServiceStub
 from fogbank._generated.v1.probe_pb2_grpc import ProbeServiceStub
 from fogbank._generated.v1.render_pb2_grpc import RenderServiceStub
@@ -56,6 +57,7 @@ class Stubs:
         self.channel = channel
         self.scenes = SceneServiceStub(channel)
         self.render = RenderServiceStub(channel)
+        self.caches = CacheServiceStub(channel)
         self.probe = ProbeServiceStub(channel)
         self.flatland = FlatlandServiceStub(channel)
         self.server = ServerServiceStub(channel)

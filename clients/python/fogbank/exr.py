@@ -32,6 +32,8 @@ _STORAGE_ATTRIBUTES = frozenset(
     }
 )
 
+_AOV_PREFIX = "cache."
+
 
 @dataclass(frozen=True)
 class DecodedExr:
@@ -42,6 +44,9 @@ class DecodedExr:
 
     variance: npt.NDArray[np.float32] | None
     """Variance of each value of `pixels`, same shape; None when the file has none."""
+
+    aovs: dict[str, npt.NDArray[np.float32]]
+    """What the cache says about each pixel, shape (height, width), by name; empty when the file has none."""
 
     window: Window
     """The film window that `pixels` covers (the file's data window)."""
@@ -67,6 +72,11 @@ def decode(data: bytes) -> DecodedExr:
     return DecodedExr(
         pixels=_rgb(channels.get("RGB"), window),
         variance=None if variance is None else _rgb(variance, window),
+        aovs={
+            name.removeprefix(_AOV_PREFIX): np.ascontiguousarray(values, dtype=np.float32)
+            for name, values in channels.items()
+            if name.startswith(_AOV_PREFIX)
+        },
         window=window,
         film_size=(film.width, film.height),
         metadata={name: value for name, value in header.items() if name not in _STORAGE_ATTRIBUTES},

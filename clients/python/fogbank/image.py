@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import os
-import tempfile
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, BinaryIO, Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +13,7 @@ from PIL import Image as PillowImage
 from PIL.PngImagePlugin import PngInfo
 
 from fogbank import exr
+from fogbank.atomic_file import write_atomically
 from fogbank.errors import DataLossError
 from fogbank.pixels import PixelArray
 
@@ -26,12 +25,15 @@ class Image(PixelArray):
         window: the part of the film that it covers; the whole film unless the job had a crop window.
         film_size: width and height of the whole film in pixels.
         variance: estimated variance of each value, same shape; None unless the job was told to bring it.
+        aovs: what the cache says about each pixel, by name ("radius", "record-density", "rejected", "variance",
+            "bias"), float32 arrays of shape (height, width); those that the job was told to bring.
         metadata: the provenance in the file's header: scene fingerprint, settings, seed, samples, version...
         exr: the server's EXR file, byte for byte.
     """
 
     film_size: tuple[int, int]
     variance: npt.NDArray[np.float32] | None
+    aovs: dict[str, npt.NDArray[np.float32]]
     metadata: dict[str, Any]
     exr: bytes
 
@@ -45,11 +47,14 @@ class Image(PixelArray):
         image.window = decoded.window
         image.film_size = decoded.film_size
         image.variance = decoded.variance
+        image.aovs = decoded.aovs
         image.metadata = decoded.metadata
         image.exr = data
         image.flags.writeable = False
         if image.variance is not None:
             image.variance.flags.writeable = False
+        for values in image.aovs.values():
+            values.flags.writeable = False
         return image
 
     def save(self, path: str | os.PathLike[str], *, exposure: float = 0.0) -> None:
@@ -63,13 +68,13 @@ class Image(PixelArray):
         path = Path(path)
         check_image_path(path)
         if path.suffix.lower() == ".exr":
-            _write_atomically(path, lambda file: file.write(self.exr))
+            write_atomically(path, lambda file: file.write(self.exr))
             return
         png_info = PngInfo()
         # Chunk sRGB, rendering intent 0 (perceptual): tells viewers which curve was used.
         png_info.add(b"sRGB", b"\x00")
         picture = PillowImage.fromarray(to_srgb(self, exposure=exposure))
-        _write_atomically(path, lambda file: picture.save(file, format="PNG", pnginfo=png_info))
+        write_atomically(path, lambda file: picture.save(file, format="PNG", pnginfo=png_info))
 
 
 def check_image_path(path: Path) -> None:
@@ -89,23 +94,3 @@ def to_srgb(radiance: npt.NDArray[np.float32], *, exposure: float = 0.0) -> npt.
     encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)
     display: npt.NDArray[np.uint8] = np.rint(encoded * 255.0).astype(np.uint8)
     return display
-
-
-def _write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
-    try:
-        descriptor, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        try:
-            with os.fdopen(descriptor, "wb") as file:
-                write(file)
-                # mkstemp makes private files; a picture gets the permissions of any other new file.
-                file_mode_mask = os.umask(0)
-                os.umask(file_mode_mask)
-                os.fchmod(file.fileno(), 0o666 & ~file_mode_mask)
-            Path(temporary).replace(path)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        # The user's name for it, not the temporary one.
-        error.filename, error.filename2 = str(path), None
-        raise

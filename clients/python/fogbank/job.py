@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import grpc
 from google.protobuf.timestamp_pb2 import Timestamp
@@ -15,6 +16,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from fogbank import exr
 from fogbank._generated.v1 import render_pb2
 from fogbank.channel import Connection
+from fogbank.download import FileChunk, download
 from fogbank.errors import (
     CallCancelledError,
     DataLossError,
@@ -62,6 +64,87 @@ STATES: dict[int, JobState] = {
 ENDED_STATES = frozenset({JobState.SUCCEEDED, JobState.FAILED, JobState.CANCELLED})
 
 
+Phase: TypeAlias = Literal["filling", "rendering"]
+_PHASES: dict[int, Phase] = {
+    render_pb2.JOB_PHASE_FILLING: "filling",
+    render_pb2.JOB_PHASE_RENDERING: "rendering",
+}
+
+
+@dataclass(frozen=True)
+class TrueError:
+    """Distance to a reference image.
+
+    A pixel's relative error is the root of the mean over its channels of (image - reference)^2 / (m^2 + 0.01), with m
+    the reference's mean over 5 x 5 pixels around it.
+    """
+
+    relative_mse: float
+    """Mean of the squares, without the largest 0.1 % of the pixels."""
+
+    median: float
+    """Median over the pixels."""
+
+    percentile_99: float
+    """99th percentile over the pixels."""
+
+
+@dataclass(frozen=True)
+class ErrorReport:
+    """A job's image as it was when a pass was complete.
+
+    Shares of the error are root mean squares over the pixels of e / (L + M / 10): e the share in the pixel's
+    luminance, L its luminance, M the mean of L; without the largest 0.1 % of the pixels.
+    """
+
+    elapsed_seconds: float
+    """Wall-clock seconds since the job's first task was begun."""
+
+    cpu_seconds: float
+    """CPU seconds of the worker threads until then."""
+
+    samples_per_pixel: int
+    """Samples per pixel."""
+
+    records: int
+    """Records that the job could read: reused and new ones."""
+
+    epoch: int
+    """The cache's epoch."""
+
+    estimated_error: float | None
+    """The root of noise^2 + bias^2; None while the noise is unknown."""
+
+    noise: float | None
+    """Share of the samples' noise, which falls with every pass; None with one sample per pixel or a black image."""
+
+    bias: float
+    """Share of the records, their extrapolation and their own noise, which falls with more records; 0 without cache."""
+
+    true_error: TrueError | None
+    """Distance to the reference image; None without one."""
+
+    @classmethod
+    def from_message(cls, message: render_pb2.ErrorReport) -> ErrorReport:
+        """The report of a wire message."""
+        true_error = None
+        if message.HasField("true_error"):
+            true_error = TrueError(
+                message.true_error.relative_mse, message.true_error.median, message.true_error.percentile_99
+            )
+        return cls(
+            elapsed_seconds=message.elapsed_seconds,
+            cpu_seconds=message.cpu_seconds,
+            samples_per_pixel=message.samples_per_pixel,
+            records=message.records,
+            epoch=message.epoch,
+            estimated_error=message.estimated_error if message.HasField("estimated_error") else None,
+            noise=message.noise if message.HasField("noise") else None,
+            bias=message.bias,
+            true_error=true_error,
+        )
+
+
 @dataclass(frozen=True)
 class Progress:
     """How far a job is."""
@@ -90,9 +173,34 @@ class Progress:
     eta_seconds: float | None
     """Estimated seconds left; None while unknown."""
 
+    phase: Phase | None
+    """Whether records or pixels are being made; None while it is not running."""
+
+    records_reused: int
+    """Records that were in the cache when the job began, of components that it needs."""
+
+    records_new: int
+    """Records that it has made."""
+
+    epoch: int
+    """The cache's epoch that passes are rendered with."""
+
+    estimated_error: float | None
+    """Of the image after the last complete pass, see `ErrorReport`; None while unknown."""
+
+    noise: float | None
+    """Share of `estimated_error` that comes from the samples; None while unknown."""
+
+    bias: float | None
+    """Share of `estimated_error` that comes from the records; None before the first pass."""
+
+    true_error: TrueError | None
+    """Distance to the reference image; None without one."""
+
     @classmethod
     def from_message(cls, message: render_pb2.Progress) -> Progress:
         """The progress of a wire message."""
+        report = ErrorReport.from_message(message.report) if message.HasField("report") else None
         return cls(
             passes_done=message.passes_done,
             passes_total=message.passes_total or None,
@@ -102,6 +210,14 @@ class Progress:
             rays_per_second=message.rays_per_second,
             elapsed_seconds=message.elapsed_seconds,
             eta_seconds=message.eta_seconds if message.HasField("eta_seconds") else None,
+            phase=_PHASES.get(message.phase),
+            records_reused=message.records_reused,
+            records_new=message.records_new,
+            epoch=message.epoch,
+            estimated_error=report.estimated_error if report else None,
+            noise=report.noise if report else None,
+            bias=report.bias if report else None,
+            true_error=report.true_error if report else None,
         )
 
 
@@ -139,9 +255,38 @@ class RenderStatistics:
     invalid_samples: int
     """Samples that were not finite or were negative, and were taken as black: a bug of the server if not 0."""
 
+    cache: str | None
+    """The cache that it used, "caches/{radiance fingerprint}"; None for integrators without one."""
+
+    records_reused: int
+    """Records that were in the cache when the job began, of components that it needs."""
+
+    records_new: int
+    """Records that it made."""
+
+    epoch: int
+    """The cache's epoch that the image was rendered with."""
+
+    estimated_error: float | None
+    """Of the image, see `ErrorReport`; None if unknown."""
+
+    noise: float | None
+    """Share of `estimated_error` that comes from the samples; None if unknown."""
+
+    bias: float | None
+    """Share of `estimated_error` that comes from the records; None if unknown."""
+
+    true_error: TrueError | None
+    """Distance to the reference image; None without one."""
+
+    history: list[ErrorReport]
+    """Error against run time: a report for each pass; of very many passes some."""
+
     @classmethod
     def from_message(cls, message: render_pb2.JobResult) -> RenderStatistics:
         """The statistics of a wire message."""
+        history = [ErrorReport.from_message(report) for report in message.history]
+        last = history[-1] if history else None
         return cls(
             window=Window.from_message(message.window),
             film_size=(message.film_width, message.film_height),
@@ -153,6 +298,15 @@ class RenderStatistics:
             render_cpu_seconds=message.render_cpu_seconds,
             relative_noise=message.relative_noise if message.HasField("relative_noise") else None,
             invalid_samples=message.invalid_samples,
+            cache=message.cache or None,
+            records_reused=message.records_reused,
+            records_new=message.records_new,
+            epoch=message.epoch,
+            estimated_error=last.estimated_error if last else None,
+            noise=last.noise if last else None,
+            bias=last.bias if last else None,
+            true_error=last.true_error if last else None,
+            history=history,
         )
 
 
@@ -348,26 +502,14 @@ class Job:
             self._connection.wait_or_raise(backoff, error)
 
     def _download(self) -> bytes:
-        backoff = Backoff(self._connection.retry_policy)
-        data = bytearray()
-        while True:
-            request = render_pb2.DownloadImageRequest(name=self.name, offset=len(data))
-            size = None
-            try:
-                for response in self._connection.stubs.render.DownloadImage(request):
-                    if response.offset != len(data):
-                        raise DataLossError(
-                            f"{self.name}: byte {len(data)} of the image expected, got {response.offset}"
-                        )
-                    data += response.chunk
-                    size = response.size
-                    backoff.progressed()
-                if size is not None and len(data) >= size:
-                    return bytes(data)
-                error: FogbankError = UnavailableError(f"the image of {self.name} broke off at byte {len(data)}")
-            except grpc.RpcError as rpc_error:
-                error = self._connection.translate(rpc_error)
-            self._connection.wait_or_raise(backoff, error)
+        def chunks(offset: int) -> Iterator[FileChunk]:
+            request = render_pb2.DownloadImageRequest(name=self.name, offset=offset)
+            for response in self._connection.stubs.render.DownloadImage(request):
+                yield FileChunk(response.size, response.sha256, response.offset, response.chunk)
+
+        file = io.BytesIO()
+        download(self._connection, chunks, file, f"the image of {self.name}")
+        return file.getvalue()
 
     def _time(self, field: str, value: Timestamp) -> datetime | None:
         return value.ToDatetime(UTC) if self._message.HasField(field) else None  # type: ignore[arg-type]

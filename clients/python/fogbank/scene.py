@@ -8,7 +8,11 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Unpack
 
+import numpy as np
+import numpy.typing as npt
+
 from fogbank._generated.v1 import probe_pb2, render_pb2, scene_pb2
+from fogbank.cache import SceneCache
 from fogbank.channel import Connection
 from fogbank.job import Job
 from fogbank.probe import (
@@ -24,6 +28,7 @@ from fogbank.probe import (
     result_from_message,
 )
 from fogbank.probe_stream import probe_stream
+from fogbank.reference import upload_reference
 from fogbank.settings import RenderOptions, settings_message
 from fogbank.window import Window
 
@@ -92,6 +97,20 @@ class RenderDefaults:
 
     rr_depth: int
     """Path length from which Russian roulette ends paths."""
+
+    camera_to_world: npt.NDArray[np.float64]
+    """(4, 4): the camera looks along its +z axis, +y is up."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """A sphere around all surfaces of a scene."""
+
+    center: tuple[float, float, float]
+    """World space."""
+
+    radius: float
+    """In scene units; 0 for a scene without surfaces."""
 
 
 class Scene:
@@ -178,7 +197,19 @@ class Scene:
             spp=message.samples_per_pixel,
             max_depth=message.max_depth,
             rr_depth=message.rr_depth,
+            camera_to_world=np.array(message.camera_to_world, np.float64).reshape(4, 4),
         )
+
+    @property
+    def bounds(self) -> Bounds:
+        """How large it is and where."""
+        message = self._message.bounds
+        return Bounds(center=(message.x, message.y, message.z), radius=message.radius)
+
+    @property
+    def cache(self) -> SceneCache:
+        """Its radiance cache, which scenes that differ in camera, film and integrator share."""
+        return SceneCache(self._connection, self.radiance_fingerprint, self.name)
 
     def render(self, *, request_id: str | None = None, **options: Unpack[RenderOptions]) -> Job:
         """Starts a render and returns at once.
@@ -188,9 +219,12 @@ class Scene:
                 a program that crashed can take up its job again. A random one when None.
             options: see `fogbank.RenderOptions`; all are optional.
 
-        Raises InvalidArgumentError, naming the option, for options that the server refuses, and
-        ResourceExhaustedError when too many jobs are waiting.
+        Raises InvalidArgumentError, naming the option, for options that the server refuses, OSError for a reference
+        that cannot be read, and ResourceExhaustedError when too many jobs are waiting.
         """
+        reference = options.get("reference")
+        if reference is not None:
+            options["reference"] = upload_reference(self._connection, reference)
         request = render_pb2.CreateJobRequest(
             request_id=request_id or uuid.uuid4().hex, scene=self.name, settings=settings_message(options)
         )

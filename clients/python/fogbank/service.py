@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from fogbank import flatland, flatland_cache
 from fogbank._generated.v1 import render_pb2, scene_pb2, server_pb2
+from fogbank.cache import Cache, GarbageReport, ImportReport, collect_garbage, import_cache, list_caches, merge_caches
 from fogbank.capabilities import Capabilities, ServerStatus
 from fogbank.channel import Connection
 from fogbank.embedded import EmbeddedServer
@@ -194,6 +195,33 @@ class Service:
             token = response.next_page_token
             if not token:
                 return
+
+    def cache(self, name: str) -> Cache:
+        """A cache by its name, "caches/{radiance fingerprint}"; asks the server only when something is wanted of it."""
+        return Cache(self._connection, name)
+
+    def caches(self) -> Iterator[Cache]:
+        """All caches of the server, by name."""
+        return list_caches(self._connection)
+
+    def import_cache(self, path: str | os.PathLike[str], *, on_progress: ProgressSink | None = None) -> ImportReport:
+        """Adds the records of an exported file to the cache that it belongs to; the scene need not be known.
+
+        Raises InvalidArgumentError for a file that is damaged or none of a cache, OSError when it cannot be read.
+        """
+        return import_cache(self._connection, Path(path), on_progress=on_progress)
+
+    def merge_caches(self, paths: Iterable[str | os.PathLike[str]], output: str | os.PathLike[str]) -> None:
+        """Writes the union of exported files of one scene as one file; their order does not matter.
+
+        Raises FailedPreconditionError when they are not of one scene; the server's own caches are not touched.
+        """
+        merge_caches(self._connection, [Path(path) for path in paths], Path(output))
+
+    def collect_cache_garbage(self, budget_bytes: int | None = None) -> GarbageReport:
+        """Frees disk space of the server: joins files of caches, and removes the caches used least recently while all
+        together take more than the budget (the server's own when None). Caches in use stay."""
+        return collect_garbage(self._connection, budget_bytes)
 
     def probe_flatland(
         self,

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
-from typing import Any, Literal, TypedDict
+from typing import Any, Literal, TypeAlias, TypedDict
 
 from fogbank._generated.v1 import render_pb2, scene_pb2
 from fogbank.camera import CameraLike, camera_message, camera_options
 from fogbank.errors import InvalidArgumentError
+from fogbank.image import Image
 from fogbank.window import Window
+
+SingleScattering: TypeAlias = Literal["auto", "direct", "guided", "cached"]
+AovName: TypeAlias = Literal["radius", "record-density", "rejected", "variance", "bias"]
+Reference: TypeAlias = "str | os.PathLike[str] | Image"
+
+REFERENCE_PREFIX = "sha256:"
 
 
 class RenderOptions(TypedDict, total=False):
@@ -53,6 +61,28 @@ class RenderOptions(TypedDict, total=False):
     camera: CameraLike | None
     """Replaces the scene's camera, see `fogbank.CameraLike`."""
 
+    error: float | None
+    """Ends with the first complete pass whose estimated relative error is no greater, 1e-6 to 10."""
+
+    records: int | None
+    """Makes the cache finer until so many records are made, >= 1."""
+
+    single_scattering: SingleScattering | None
+    """How single scattering is computed, with an integrator that has a cache; "auto" by predicted cost."""
+
+    spheres: bool | None
+    """Gives records the extents of spheres instead of ellipsoids."""
+
+    epoch: int | None
+    """Reads the cache as it was at this epoch, which `SceneCache.fill` has named, and makes no record."""
+
+    aovs: Sequence[AovName] | None
+    """Additional channels of the image: what the cache says about each pixel, see `fogbank.Image.aovs`."""
+
+    reference: Reference | None
+    """An image of the same window of the same film, to report the true error of each pass against: the path of an EXR
+    file, a `fogbank.Image`, or "sha256:..." of a file that the server holds."""
+
     variance: bool | None
     """Adds the estimated variance of each pixel's value to the image."""
 
@@ -71,6 +101,10 @@ _FIELDS = {
     "max_depth": "max_depth",
     "rr_depth": "rr_depth",
     "tile_size": "tile_size",
+    "error": "error",
+    "records": "records",
+    "spheres": "spheres",
+    "epoch": "epoch",
     "variance": "variance",
     "threads": "max_threads",
     "update_interval": "update_interval_seconds",
@@ -83,6 +117,24 @@ _TILE_ORDERS = {
 _PIXEL_TYPES = {
     "half": render_pb2.PIXEL_TYPE_HALF,
     "float": render_pb2.PIXEL_TYPE_FLOAT,
+}
+_SINGLE_SCATTERING = {
+    "auto": render_pb2.SINGLE_SCATTERING_AUTOMATIC,
+    "direct": render_pb2.SINGLE_SCATTERING_DIRECT,
+    "guided": render_pb2.SINGLE_SCATTERING_GUIDED,
+    "cached": render_pb2.SINGLE_SCATTERING_CACHED,
+}
+_CHOICES: dict[str, dict[str, Any]] = {
+    "tile_order": _TILE_ORDERS,
+    "pixel_type": _PIXEL_TYPES,
+    "single_scattering": _SINGLE_SCATTERING,
+}
+_AOVS = {
+    "radius": render_pb2.AOV_RADIUS,
+    "record-density": render_pb2.AOV_RECORD_DENSITY,
+    "rejected": render_pb2.AOV_REJECTED,
+    "variance": render_pb2.AOV_VARIANCE,
+    "bias": render_pb2.AOV_BIAS,
 }
 
 
@@ -108,10 +160,13 @@ def settings_message(options: RenderOptions) -> render_pb2.RenderSettings:
             getattr(message, name).CopyFrom(_window_message(name, given[name]))
     if "size" in given:
         _set_size(message, given["size"])
-    if "tile_order" in given:
-        message.tile_order = _choice("tile_order", given["tile_order"], _TILE_ORDERS)
-    if "pixel_type" in given:
-        message.pixel_type = _choice("pixel_type", given["pixel_type"], _PIXEL_TYPES)
+    for name, choices in _CHOICES.items():
+        if name in given:
+            setattr(message, name, _choice(name, given[name], choices))
+    if "aovs" in given:
+        message.aovs.extend(_choice("aovs", aov, _AOVS) for aov in given["aovs"])
+    if "reference" in given:
+        message.reference_sha256 = _reference_sha256(given["reference"])
     if "camera" in given:
         message.camera.CopyFrom(camera_message(given["camera"]))
     return message
@@ -120,17 +175,22 @@ def settings_message(options: RenderOptions) -> render_pb2.RenderSettings:
 def options_from_message(message: render_pb2.RenderSettings) -> RenderOptions:
     """The options that a job's effective settings amount to, the camera as a mapping if it was replaced."""
     given = {field.name: value for field, value in message.ListFields()}
-    options = RenderOptions(seed=message.seed, variance=message.variance)
+    options = RenderOptions(seed=message.seed, variance=message.variance, spheres=message.spheres)
     for name, field in _FIELDS.items():
         if field in given:
             options[name] = given[field]  # type: ignore[literal-required]
     for name in _WINDOWS:
         if name in given:
             options[name] = Window.from_message(given[name])  # type: ignore[literal-required]
-    for name, choices in (("tile_order", _TILE_ORDERS), ("pixel_type", _PIXEL_TYPES)):
+    for name, choices in _CHOICES.items():
         for word, number in choices.items():
             if given.get(name) == number:
                 options[name] = word  # type: ignore[literal-required]
+    if message.aovs:
+        names = {number: word for word, number in _AOVS.items()}
+        options["aovs"] = [names[number] for number in message.aovs if number in names]  # type: ignore[misc]
+    if message.reference_sha256:
+        options["reference"] = REFERENCE_PREFIX + message.reference_sha256
     if "width" in given and "height" in given:
         options["size"] = (message.width, message.height)
     if "camera" in given:
@@ -144,6 +204,15 @@ def _choice(name: str, value: object, choices: dict[str, Any]) -> Any:  # noqa: 
             f"{name}: {value!r} is none of {', '.join(choices)}", metadata={"field": f"settings.{name}"}
         )
     return choices[str(value)]
+
+
+def _reference_sha256(reference: Reference) -> str:
+    """Of a reference that was uploaded before."""
+    if isinstance(reference, str) and reference.startswith(REFERENCE_PREFIX):
+        return reference.removeprefix(REFERENCE_PREFIX)
+    raise InvalidArgumentError(
+        f"reference: {reference!r} was not uploaded", metadata={"field": "settings.reference_sha256"}
+    )
 
 
 def _window_message(name: str, value: Sequence[int]) -> scene_pb2.Window:

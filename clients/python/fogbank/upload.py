@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import dataclass
+from pathlib import Path
 
 import grpc
 
 from fogbank._generated.v1 import scene_pb2
 from fogbank.channel import Connection
 from fogbank.errors import FogbankError, InternalError, InvalidSceneError, scene_error
+from fogbank.hash_cache import HashCache
+from fogbank.paths import cache_folder
 from fogbank.retry import Backoff
 from fogbank.scene_files import LocalFile, SceneFiles
 
@@ -87,6 +91,24 @@ def push(
         found = [path for path in candidates if files.add(path)]
         if not response.missing_blobs and not found:
             return manifest
+
+
+def upload_file(connection: Connection, path: Path, *, on_progress: ProgressSink | None = None) -> str:
+    """Uploads one file unless the server has it, and returns its SHA-256.
+
+    Raises OSError when it cannot be read.
+    """
+    path.open("rb").close()
+    with closing(HashCache(cache_folder() / "hashes.sqlite")) as hash_cache:
+        files = SceneFiles(path, None, hash_cache)
+        while True:
+            (file,) = files.files
+            response = connection.call(
+                lambda stubs: stubs.scenes.QueryBlob, scene_pb2.QueryBlobRequest(sha256=file.sha256)
+            )
+            if response.complete:
+                return file.sha256
+            _Upload(connection, files, file, CHUNK_BYTES, on_progress).run()
 
 
 class _Upload:

@@ -1,0 +1,80 @@
+"""Options shared by the commands that render or fill a cache; their names are those of `fogbank.RenderOptions`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import ParamSpec, TypeVar
+
+import click
+
+from fogbank_cli.parameter_types import AovsType, SizeType, WindowType
+
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
+
+_CACHE_OPTIONS = (
+    click.option("--integrator", help="How radiance is computed, e.g. radiance-cache or volpath."),
+    click.option(
+        "--error", type=float, metavar="RELATIVE", help="End when the estimated error is no greater, e.g. 0.02."
+    ),
+    click.option("--time", "time_budget", type=float, metavar="SECONDS", help="End after this time."),
+    click.option("--records", type=click.IntRange(1), help="Make the cache finer until so many records are made."),
+    click.option(
+        "--single-scattering",
+        type=click.Choice(["auto", "direct", "guided", "cached"]),
+        help="How light is scattered once; by predicted cost by default.",
+    ),
+    click.option("--spheres", is_flag=True, default=None, help="Extents of records: spheres instead of ellipsoids."),
+    click.option("--size", type=SizeType(), help="Of the film, in pixels."),
+    click.option("--crop", type=WindowType(), help="The part of the film to render."),
+    click.option("--max-depth", type=int, help="Greatest path length in edges, -1 for no limit."),
+    click.option("--seed", type=click.IntRange(0, 2**64 - 1), help="Of the random numbers; 0 by default."),
+)
+
+_PIXEL_OPTIONS = (
+    click.option("--spp", type=click.IntRange(1), help="Samples per pixel; the most with --error or --time."),
+    click.option("--rr-depth", type=int, help="Path length from which Russian roulette ends paths."),
+    click.option("--half", "pixel_type", flag_value="half", help="16-bit pixels (the default)."),
+    click.option("--float", "pixel_type", flag_value="float", help="32-bit pixels."),
+    click.option("--variance", is_flag=True, default=None, help="Add variance channels to the .exr."),
+    click.option("--aov", "aovs", type=AovsType(), help="Add channels to the .exr: what the cache says of each pixel."),
+    click.option("--threads", type=click.IntRange(1), help="Most threads at work on one job."),
+    click.option("--tile-size", type=int, help="Side of a tile in pixels."),
+    click.option("--tile-order", type=click.Choice(["scan", "spiral"]), help="In which order tiles are rendered."),
+)
+
+_PICTURE_OPTIONS = (
+    click.option("--camera", type=click.Path(path_type=Path), help="JSON: origin, target, up or to_world; fov."),
+    click.option("--region", type=WindowType(), help="Tiles that touch this window come first."),
+    click.option(
+        "--reference",
+        type=click.Path(path_type=Path),
+        help=".exr of the same window of the same film; reports the true error of each pass.",
+    ),
+    click.option("--epoch", type=click.IntRange(0), help="Read the cache as of an epoch that a fill has named."),
+)
+
+
+def cache_options(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Adds what decides which records are made."""
+    return _with(command, _CACHE_OPTIONS)
+
+
+def frame_options(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Adds what all frames of a sweep may share."""
+    return _with(command, _CACHE_OPTIONS + _PIXEL_OPTIONS)
+
+
+def picture_options(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Adds everything that a single picture takes."""
+    return _with(command, _CACHE_OPTIONS + _PIXEL_OPTIONS + _PICTURE_OPTIONS)
+
+
+def _with(
+    command: Callable[Parameters, Result],
+    options: tuple[Callable[[Callable[Parameters, Result]], Callable[Parameters, Result]], ...],
+) -> Callable[Parameters, Result]:
+    for option in reversed(options):
+        command = option(command)
+    return command

@@ -1,0 +1,31 @@
+// The stream of one fill of a cache.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <atomic>
+
+#include "fogbank/v1/cache.pb.h"
+#include "service/cache_registry.h"
+#include "service/scene_registry.h"
+#include "service/scheduling/scheduler.h"
+#include "service/stream_pump.h"
+
+namespace fogbank::service {
+
+/// What fills need of the server.
+struct FillServices {
+  SceneRegistry& scenes;
+  CacheRegistry& caches;
+  Scheduler& scheduler;
+  TaskQueue& control;
+  StreamPump& pump;  ///< serves FillCache streams and nothing else
+  std::atomic<bool> shutting_down = false;
+};
+
+/// A reactor that deletes itself when the stream is done.
+grpc::ServerWriteReactor<v1::FillCacheResponse>* start_fill(grpc::CallbackServerContext& context,
+                                                            const v1::FillCacheRequest& request,
+                                                            FillServices& services);
+
+}  // namespace fogbank::service
