@@ -54,6 +54,7 @@ int main(int argc, char** argv) {
   std::string scene_root;
   std::string log_level = "info";
   double memory_gib = 0;
+  double cache_gib = 0;
 
   CLI::App app{"Fogbank " FOGBANK_VERSION ": renders scenes with fog as a gRPC service.", "fogbankd"};
   app.add_option("--listen", options.listen, "HOST:PORT (port 0: any free one) or unix:PATH")
@@ -64,7 +65,12 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0, 4096))
       ->capture_default_str();
   app.add_option("--memory", memory_gib,
-                 "GiB for scenes and films; 0: three quarters of the machine's memory")
+                 "GiB for scenes, caches and films; 0: three quarters of the machine's memory")
+      ->check(CLI::Range(0.0, 1e6))
+      ->capture_default_str();
+  app.add_option(
+         "--cache-disk", cache_gib,
+         "GiB that radiance caches may take on the disk; the least recently used go first; 0: no limit")
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
   app.add_option("--port-file", port_file, "Written when the server is ready: what clients connect to");
@@ -81,6 +87,7 @@ int main(int argc, char** argv) {
   options.data = data;
   if (!scene_root.empty()) options.scene_root = scene_root;
   options.memory_bytes = static_cast<int64_t>(memory_gib * (1 << 30));
+  options.cache_bytes = static_cast<int64_t>(cache_gib * (1 << 30));
   spdlog::set_default_logger(spdlog::stderr_color_mt("fogbankd"));
   spdlog::set_level(spdlog::level::from_str(log_level));
 

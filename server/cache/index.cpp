@@ -236,7 +236,8 @@ float Index::radius(uint32_t place) const {
   return sum > 0 ? (on_surface ? 2 : 3) / sum : 0.0f;
 }
 
-Epoch::Epoch(std::shared_ptr<const RecordSet> set, const MetricSettings& settings) : set_(std::move(set)) {
+Epoch::Epoch(std::shared_ptr<const RecordSet> set, const MetricSettings& settings)
+    : set_(std::move(set)), settings_(settings) {
   validate(settings);
   indices_.reserve(set_->components().size());
   for (const ComponentRange& range : set_->components()) indices_.emplace_back(set_, range, settings);

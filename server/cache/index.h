@@ -84,6 +84,7 @@ class Epoch {
   /// Hash of all that look-ups in the records of one generation depend on: the records' ids, in any order,
   /// and the settings.
   uint64_t digest(uint8_t scattering_order) const;
+  const MetricSettings& settings() const { return settings_; }
   /// Null where the set holds no record of it.
   const Index* find(const Component& component) const;
   /// Bytes of records and indices together.
@@ -91,6 +92,7 @@ class Epoch {
 
  private:
   std::shared_ptr<const RecordSet> set_;
+  MetricSettings settings_;
   std::vector<Index> indices_;     ///< ascending by component
   std::vector<uint64_t> digests_;  ///< by generation
 };

@@ -13,8 +13,9 @@
 #include "scene/sensor.h"
 
 namespace fogbank::cache {
+class Epoch;
 class SceneCache;
-}
+}  // namespace fogbank::cache
 namespace fogbank::transport {
 class World;
 }
@@ -36,7 +37,7 @@ struct IntegratorSettings {
   bool hide_emitters = false;
   // Of methods with a cache:
   SingleScattering single_scattering = SingleScattering::automatic;
-  int64_t most_records = int64_t{1} << 24;  ///< that one job makes; > 0
+  int64_t most_records = int64_t{1} << 24;  ///< that one job makes; 0: it only reads those that are there
   bool spheres = false;                     ///< isotropic extents instead of ellipsoids
   /// The scene's records, shared with other jobs; null: the integrator keeps its own.
   std::shared_ptr<cache::SceneCache> cache;
@@ -111,6 +112,8 @@ class Integrator {
   }
   /// While no task and no pass runs.
   virtual CacheCounts cache_counts() const { return {}; }
+  /// As last published; null: none yet, or no cache.
+  virtual std::shared_ptr<const cache::Epoch> epoch() const { return nullptr; }
   virtual CacheView cache_view(const Ray& /*ray*/, RandomStream& /*random*/,
                                RayCounters& /*counters*/) const {
     return {};
@@ -125,6 +128,7 @@ std::unique_ptr<Integrator> make_integrator(const std::string& name,
 struct IntegratorInfo {
   std::string name;
   std::string summary;
+  bool cached = false;  ///< reads and fills IntegratorSettings::cache
 };
 std::vector<IntegratorInfo> supported_integrators();
 

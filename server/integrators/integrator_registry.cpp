@@ -18,13 +18,14 @@ struct Entry {
 
 const std::vector<Entry>& entries() {
   static const std::vector<Entry> all{
-      {{"volpath", "volumetric path tracing: unbiased, the reference"},
+      {{.name = "volpath", .summary = "volumetric path tracing: unbiased, the reference"},
        [](std::shared_ptr<const transport::World> world,
           const IntegratorSettings& settings) -> std::unique_ptr<Integrator> {
          return std::make_unique<VolumetricPathTracer>(std::move(world), settings);
        }},
-      {{"radiance-cache",
-        "sampled direct light; reflected and scattered light from a cache that sees occlusion"},
+      {{.name = "radiance-cache",
+        .summary = "sampled direct light; reflected and scattered light from a cache that sees occlusion",
+        .cached = true},
        [](std::shared_ptr<const transport::World> world,
           const IntegratorSettings& settings) -> std::unique_ptr<Integrator> {
          return std::make_unique<RadianceCacheIntegrator>(std::move(world), settings);

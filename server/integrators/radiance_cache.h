@@ -30,6 +30,7 @@ class RadianceCacheIntegrator final : public Integrator {
   std::unique_ptr<Preparation> prepare(const CameraRays& camera, const CacheTarget& target) override;
   CacheCounts cache_counts() const override;
   CacheView cache_view(const Ray& ray, RandomStream& random, RayCounters& counters) const override;
+  std::shared_ptr<const cache::Epoch> epoch() const override { return published_.epoch; }
 
   /// Tells `observer` of all look-ups along a camera path up to the first surface that scatters it in a
   /// random direction; samples nothing.

@@ -91,7 +91,7 @@ void validate_targets(const RenderSettings& settings) {
   if (settings.error != 0)
     check_range("error", settings.error, RenderLimits::smallest_error, RenderLimits::largest_error);
   check_range("record_budget", settings.record_budget, int64_t{0}, RenderLimits::most_records);
-  check_range("integrator_settings.most_records", settings.integrator_settings.most_records, int64_t{1},
+  check_range("integrator_settings.most_records", settings.integrator_settings.most_records, int64_t{0},
               RenderLimits::most_records);
 }
 

@@ -65,10 +65,11 @@ class FillStream final : public grpc::ServerWriteReactor<v1::FillCacheResponse>,
       const std::lock_guard lock(mutex_);
       return finish(status_of(failure));
     }
-    if (progress.ended) services_.caches.keep_epoch(fingerprint_, progress.epoch);
+    render::FillProgress reported = progress;
+    if (progress.ended) reported.epoch = services_.caches.keep_epoch(fingerprint_);
     {
       const std::lock_guard lock(mutex_);
-      describe(progress);
+      describe(reported);
       writing_ = true;
       last_written_ = progress.ended;
       write_start_ = now;
@@ -116,24 +117,24 @@ class FillStream final : public grpc::ServerWriteReactor<v1::FillCacheResponse>,
 
   void acquire() {
     try {
-      services_.scenes.acquire(
-          parse_scene_name(request_.scene()),
-          [self = shared_from_this()](std::shared_ptr<const transport::World> world, double,
-                                      const std::exception_ptr& error) {
-            if (error) {
-              self->leave_failure(error);
-              return;
-            }
-            // Not in the loader's thread, for which scenes may wait.
-            const bool posted = self->services_.control.post([self, world = std::move(world)] {
-              try {
-                self->begin(world);
-              } catch (...) {
-                self->leave_failure(std::current_exception());
-              }
-            });
-            if (!posted) self->leave_failure(std::make_exception_ptr(shutting_down()));
-          });
+      services_.scenes.acquire(parse_scene_name(request_.scene()),
+                               [self = shared_from_this()](std::shared_ptr<const transport::World> world,
+                                                           double, const std::exception_ptr& error) {
+                                 if (error) {
+                                   self->leave_failure(error);
+                                   return;
+                                 }
+                                 // Not in the loader's thread, for which scenes may wait.
+                                 const bool posted =
+                                     self->services_.control.post([self, world = std::move(world)] {
+                                       try {
+                                         self->begin(world);
+                                       } catch (...) {
+                                         self->leave_failure(std::current_exception());
+                                       }
+                                     });
+                                 if (!posted) self->leave_failure(std::make_exception_ptr(shutting_down()));
+                               });
     } catch (...) {
       leave_failure(std::current_exception());
     }
@@ -187,10 +188,10 @@ class FillStream final : public grpc::ServerWriteReactor<v1::FillCacheResponse>,
   grpc::CallbackServerContext& context_;
   const v1::FillCacheRequest request_;
   FillServices& services_;
-  std::shared_ptr<FillStream> self_;    ///< until OnDone
-  std::string fingerprint_;             ///< set before `workload_`
-  v1::FillCacheResponse response_;      ///< of the outstanding write
-  Clock::time_point next_report_;       ///< of the pump's thread
+  std::shared_ptr<FillStream> self_;  ///< until OnDone
+  std::string fingerprint_;           ///< set before `workload_`
+  v1::FillCacheResponse response_;    ///< of the outstanding write
+  Clock::time_point next_report_;     ///< of the pump's thread
 
   std::mutex mutex_;
   std::shared_ptr<FillWorkload> workload_;

@@ -8,6 +8,7 @@
 #include "core/files.h"
 #include "core/sha256.h"
 #include "render/exr.h"
+#include "service/job_progress.h"
 #include "service/limits.h"
 #include "service/messages.h"
 #include "service/names.h"
@@ -86,10 +87,18 @@ void Job::save(const v1::CreateJobRequest& request) {
   write_message(folder_ / "job.json", describe());
 }
 
-void Job::start(std::shared_ptr<const transport::World> world, double load_seconds) {
+bool Job::uses_cache() const { return service::uses_cache(settings_.integrator()); }
+
+std::optional<uint64_t> Job::epoch() const {
+  return settings_.has_epoch() ? std::optional<uint64_t>(settings_.epoch()) : std::nullopt;
+}
+
+void Job::start(std::shared_ptr<const transport::World> world, std::shared_ptr<cache::SceneCache> cache,
+                double load_seconds) {
   std::string fingerprint = world->scene().fingerprint;
   std::shared_ptr<render::RenderJob> render_job;
   try {
+    engine_settings_.integrator_settings.cache = std::move(cache);
     render_job = std::make_shared<render::RenderJob>(std::move(world), engine_settings_);
   } catch (...) {
     fail(to_rpc_error(std::current_exception()));
@@ -155,8 +164,8 @@ void Job::run(const render::Task& task) {
     if (!stop_) {
       const Clock::time_point now = Clock::now();
       ray_rate_.record(render_job_->progress().rays, now);
+      ++tasks_completed_;
       if (const auto* const tile = std::get_if<render::TileTask>(&task)) {
-        ++tiles_completed_;
         board_.complete(tile->tile, now);
         if (pass_completed) {
           unfinished_pass_.clear();
@@ -239,6 +248,11 @@ void Job::store_image(v1::Job& description) {
   result.set_invalid_samples(progress.invalid_samples);
   result.set_image_bytes(static_cast<int64_t>(file.size()));
   result.set_image_sha256(sha256(file));
+  if (uses_cache()) result.set_cache(cache_name(scene_fingerprint_));
+  result.set_records_reused(progress.records_reused);
+  result.set_records_new(progress.records_new);
+  result.set_epoch(progress.epoch);
+  for (const render::HistoryEntry& entry : render_job_->history()) *result.add_history() = to_message(entry);
 }
 
 void Job::end(v1::Job description) {
@@ -257,6 +271,8 @@ void Job::end(v1::Job description) {
     board_.advance();
     released = std::move(render_job_);
     render_job_ = nullptr;
+    engine_settings_.integrator_settings.cache = nullptr;
+    engine_settings_.reference = nullptr;
     if (watchers_ == 0) released_source = std::move(kept_tile_source_);
   }
   services_.ended(shared_from_this());
@@ -288,22 +304,9 @@ v1::Job Job::describe_locked() const {
 }
 
 v1::Progress Job::describe_progress() const {
-  const render::Progress progress = render_job_->progress();
-  v1::Progress message;
-  message.set_passes_done(static_cast<int32_t>(progress.passes_done));
-  message.set_passes_total(static_cast<int32_t>(progress.pass_count));
-  message.set_samples_per_pixel_done(static_cast<int32_t>(progress.samples_per_pixel));
-  message.set_tiles_done(static_cast<int32_t>(progress.tiles_done));
+  v1::Progress message = to_message(render_job_->progress(), render_job_->history(), engine_settings_);
   message.set_tiles_total(static_cast<int32_t>(render_job_->tile_count()));
-  const double fraction = progress.samples_planned == 0
-                              ? 0
-                              : std::min(1.0, static_cast<double>(progress.samples_done) /
-                                                  static_cast<double>(progress.samples_planned));
-  message.set_fraction(fraction);
-  message.set_rays(progress.rays);
   message.set_rays_per_second(ray_rate_.rate());
-  message.set_elapsed_seconds(progress.render_seconds);
-  if (fraction > 0) message.set_eta_seconds(progress.render_seconds * (1 - fraction) / fraction);
   return message;
 }
 

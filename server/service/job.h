@@ -40,6 +40,7 @@ struct JobServices {
 /// image.exr. Thread-safe.
 class Job : public Workload, public std::enable_shared_from_this<Job> {
  public:
+  /// `settings.engine` lacks the cache, which `start` brings.
   Job(const std::string& id, const v1::CreateJobRequest& request, JobSettings settings,
       std::filesystem::path folder, JobServices& services);
   /// A job of an earlier life of the server. One that had not ended is now failed (SERVER_RESTARTED). Throws
@@ -55,8 +56,13 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
 
   /// Writes its folder. Throws as `write_file_durably`.
   void save(const v1::CreateJobRequest& request);
-  /// Gives it its scene; tasks can be taken from now on. Nothing happens if it has ended.
-  void start(std::shared_ptr<const transport::World> world, double load_seconds);
+  /// What `start` needs: does its integrator use a cache, and as of which epoch; none: the newest.
+  bool uses_cache() const;
+  std::optional<uint64_t> epoch() const;
+  /// Gives it its scene and, if it uses one, the cache; tasks can be taken from now on. Nothing happens if it
+  /// has ended.
+  void start(std::shared_ptr<const transport::World> world, std::shared_ptr<cache::SceneCache> cache,
+             double load_seconds);
   /// Ends it with an error, as soon as no task of it runs.
   void fail(const RpcError& error);
   /// As `fail`, but cancelled.
@@ -110,8 +116,8 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   const std::string scene_id_;
   const std::filesystem::path folder_;
   JobServices& services_;
-  const v1::RenderSettings settings_;  ///< effective
-  const render::RenderSettings engine_settings_;
+  const v1::RenderSettings settings_;       ///< effective
+  render::RenderSettings engine_settings_;  ///< changes with `start` only
 
   mutable std::mutex mutex_;
   v1::Job base_;  ///< everything but the progress of a running job
@@ -128,7 +134,7 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   bool finishing_ = false;
   int running_tasks_ = 0;
   int watchers_ = 0;
-  uint64_t tiles_completed_ = 0;
+  uint64_t tasks_completed_ = 0;
   std::vector<uint32_t> unfinished_pass_;  ///< tiles that the current pass has completed
   double render_cpu_seconds_ = 0;
   double encode_cpu_seconds_ = 0;

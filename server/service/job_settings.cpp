@@ -142,12 +142,13 @@ void resolve_cache(const v1::RenderSettings& requested, render::RenderSettings& 
 /// What only integrators with a cache understand is refused for others, instead of doing nothing.
 void check_cached(const v1::RenderSettings& requested, const std::string& integrator) {
   if (uses_cache(integrator)) return;
-  const char* field = requested.has_records()                                                     ? "records"
-                      : requested.single_scattering() != v1::SINGLE_SCATTERING_UNSPECIFIED ? "single_scattering"
-                      : requested.spheres()                                                       ? "spheres"
-                      : requested.aovs_size() > 0                                                 ? "aovs"
-                      : requested.has_epoch()                                                     ? "epoch"
-                                                                                                  : nullptr;
+  const char* field = requested.has_records() ? "records"
+                      : requested.single_scattering() != v1::SINGLE_SCATTERING_UNSPECIFIED
+                          ? "single_scattering"
+                      : requested.spheres()       ? "spheres"
+                      : requested.aovs_size() > 0 ? "aovs"
+                      : requested.has_epoch()     ? "epoch"
+                                                  : nullptr;
   if (field != nullptr) refuse(field, "the integrator \"" + integrator + "\" has no cache");
 }
 

@@ -9,6 +9,7 @@
 #include "service/limits.h"
 #include "service/messages.h"
 #include "service/names.h"
+#include "service/reference_image.h"
 
 namespace fogbank::service {
 
@@ -21,10 +22,12 @@ RpcError shutting_down() { return {StatusCode::UNAVAILABLE, "SHUTTING_DOWN", "th
 
 }  // namespace
 
-JobTable::JobTable(Settings settings, SceneRegistry& scenes, Scheduler& scheduler, TaskQueue& writer,
-                   std::function<void()> changed)
+JobTable::JobTable(Settings settings, SceneRegistry& scenes, CacheRegistry& caches, BlobStore& blobs,
+                   Scheduler& scheduler, TaskQueue& writer, std::function<void()> changed)
     : settings_(std::move(settings)),
       scenes_(scenes),
+      caches_(caches),
+      blobs_(blobs),
       scheduler_(scheduler),
       services_{.writer = writer,
                 .changed = std::move(changed),
@@ -86,6 +89,11 @@ void JobTable::create(const v1::CreateJobRequest& request, Created done) {
 
 std::shared_ptr<Job> JobTable::make_job(const v1::CreateJobRequest& request, const scene::Scene& scene) {
   JobSettings settings = resolve_settings(request.settings(), scene, scheduler_.threads());
+  if (!settings.effective.reference_sha256().empty()) {
+    settings.engine.reference =
+        load_reference(settings.effective.reference_sha256(), settings.engine.film.crop, blobs_);
+  }
+  if (settings.effective.has_epoch()) caches_.at_epoch(scene.fingerprint, settings.effective.epoch());
   const std::string id = new_job_id();
   auto job = std::make_shared<Job>(id, request, std::move(settings), settings_.folder / id, services_);
   if (job->film_bytes() > settings_.film_budget_bytes) {
@@ -160,21 +168,32 @@ void JobTable::start(const std::shared_ptr<Job>& job) {
     if (auto paid = load_seconds_.extract(job->id())) load_seconds = paid.mapped();
   }
   try {
-    scenes_.acquire(job->scene_id(),
-                    [this, job, load_seconds](const std::shared_ptr<const transport::World>& world,
-                                              double more_seconds, std::exception_ptr error) {
-                      if (error) {
-                        job->fail(to_rpc_error(error));
-                        return;
-                      }
-                      job->start(world, load_seconds + more_seconds);
-                      scheduler_.add(job);
-                      // Should it have ended before it was added, its end found nothing to remove.
-                      if (job->ended()) scheduler_.remove(*job);
-                    });
+    scenes_.acquire(
+        job->scene_id(), [this, job, load_seconds](const std::shared_ptr<const transport::World>& world,
+                                                   double more_seconds, std::exception_ptr error) {
+          if (error) {
+            job->fail(to_rpc_error(error));
+            return;
+          }
+          try {
+            job->start(world, cache_of(*job, world->scene().fingerprint), load_seconds + more_seconds);
+          } catch (...) {
+            job->fail(to_rpc_error(std::current_exception()));
+            return;
+          }
+          scheduler_.add(job);
+          // Should it have ended before it was added, its end found nothing to remove.
+          if (job->ended()) scheduler_.remove(*job);
+        });
   } catch (...) {
     job->fail(to_rpc_error(std::current_exception()));
   }
+}
+
+std::shared_ptr<cache::SceneCache> JobTable::cache_of(const Job& job, const std::string& fingerprint) {
+  if (!job.uses_cache()) return nullptr;
+  if (const auto epoch = job.epoch()) return caches_.at_epoch(fingerprint, *epoch);
+  return caches_.acquire(fingerprint);
 }
 
 void JobTable::on_ended(const std::shared_ptr<Job>& job) {

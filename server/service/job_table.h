@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "service/cache_registry.h"
 #include "service/job.h"
 #include "service/scene_registry.h"
 
@@ -27,14 +28,14 @@ class JobTable {
   };
 
   /// Reads `folder`; what is damaged there is passed over with a log line.
-  JobTable(Settings settings, SceneRegistry& scenes, Scheduler& scheduler, TaskQueue& writer,
-           std::function<void()> changed);
+  JobTable(Settings settings, SceneRegistry& scenes, CacheRegistry& caches, BlobStore& blobs,
+           Scheduler& scheduler, TaskQueue& writer, std::function<void()> changed);
 
   /// Either the job or the error is set.
   using Created = std::function<void(std::shared_ptr<Job> job, std::exception_ptr error)>;
   /// Answers in this thread or in one of the scene loader. Throws, or answers with, RpcError
   /// INVALID_REQUEST_ID, INVALID_NAME, INVALID_SETTINGS, SCENE_NOT_FOUND, REQUEST_ID_REUSED, TOO_MANY_JOBS,
-  /// SHUTTING_DOWN, and what loading the scene ends with.
+  /// BLOBS_MISSING, EPOCH_GONE, SHUTTING_DOWN, and what loading the scene ends with.
   void create(const v1::CreateJobRequest& request, Created done);
 
   /// Throws RpcError JOB_NOT_FOUND.
@@ -67,6 +68,7 @@ class JobTable {
 
   void restore();
   std::shared_ptr<Job> make_job(const v1::CreateJobRequest& request, const scene::Scene& scene);
+  std::shared_ptr<cache::SceneCache> cache_of(const Job& job, const std::string& fingerprint);
   void finish_creation(const v1::CreateJobRequest& request,
                        const std::shared_ptr<const transport::World>& world, double load_seconds,
                        std::exception_ptr error);
@@ -79,6 +81,8 @@ class JobTable {
 
   Settings settings_;
   SceneRegistry& scenes_;
+  CacheRegistry& caches_;
+  BlobStore& blobs_;
   Scheduler& scheduler_;
   JobServices services_;
   mutable std::mutex mutex_;

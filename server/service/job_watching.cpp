@@ -45,7 +45,7 @@ Job::NextEvent Job::next_event(WatchCursor& cursor) {
     const WatchCursor::Decision decision = cursor.next({.board = board_,
                                                         .ended = has_ended(base_.state()),
                                                         .succeeded = base_.state() == v1::JOB_STATE_SUCCEEDED,
-                                                        .progress_count = tiles_completed_},
+                                                        .progress_count = tasks_completed_},
                                                        now);
     if (decision.event == WatchCursor::Event::none) {
       next.retry_at = decision.retry_at;

@@ -9,8 +9,8 @@
 
 namespace fogbank::service {
 
-/// From an uploaded EXR file. Throws RpcError INVALID_SHA256, BLOBS_MISSING, and INVALID_SETTINGS of the field
-/// settings.reference_sha256 for a file that is no EXR with R, G, B in exactly this window.
+/// From an uploaded EXR file. Throws RpcError INVALID_SHA256, BLOBS_MISSING, and INVALID_SETTINGS of the
+/// field settings.reference_sha256 for a file that is no EXR with R, G, B in exactly this window.
 std::shared_ptr<const render::ReferenceImage> load_reference(const std::string& sha256,
                                                              const scene::Window& window, BlobStore& blobs);
 

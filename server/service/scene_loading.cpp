@@ -88,6 +88,7 @@ v1::Scene describe(const std::string& id, const scene::Scene& scene) {
   v1::Scene message;
   message.set_name(scene_name(id));
   message.set_radiance_fingerprint(scene.fingerprint);
+  message.set_cache(cache_name(scene.fingerprint));
   *message.mutable_create_time() = timestamp_now();
   message.set_resident(true);
   v1::SceneStatistics& statistics = *message.mutable_statistics();
@@ -113,6 +114,15 @@ v1::Scene describe(const std::string& id, const scene::Scene& scene) {
   defaults.set_samples_per_pixel(scene.defaults.samples_per_pixel);
   defaults.set_max_depth(scene.defaults.max_depth);
   defaults.set_rr_depth(scene.defaults.rr_depth);
+  for (int row = 0; row < 4; ++row) {
+    for (int column = 0; column < 4; ++column)
+      defaults.add_camera_to_world(scene.sensor.to_world[column][row]);
+  }
+  v1::BoundingSphere& bounds = *message.mutable_bounds();
+  bounds.set_x(static_cast<double>(scene.bounds.center.x));
+  bounds.set_y(static_cast<double>(scene.bounds.center.y));
+  bounds.set_z(static_cast<double>(scene.bounds.center.z));
+  bounds.set_radius(static_cast<double>(scene.bounds.radius));
   return message;
 }
 

@@ -18,6 +18,8 @@
 #include "grpc/health/v1/health.pb.h"
 #include "scene/intersector.h"
 #include "service/blob_store.h"
+#include "service/cache_registry.h"
+#include "service/cache_service.h"
 #include "service/channel_arguments.h"
 #include "service/flatland_service.h"
 #include "service/job_table.h"
@@ -121,16 +123,20 @@ struct Server::Parts {
         scenes({.folder = options.data / "scenes",
                 .scene_root = options.scene_root ? std::optional(checked_scene_root(*options.scene_root))
                                                  : std::nullopt,
-                .memory_budget_bytes = memory_bytes / 3 * 2},
+                .memory_budget_bytes = memory_bytes / 2},
                blobs, loader),
+        caches({.folder = options.data / "caches",
+                .memory_budget_bytes = memory_bytes / 4,
+                .disk_budget_bytes = options.cache_bytes}),
         scheduler(options.threads > 0 ? options.threads : default_threads(), scene::prepare_render_thread),
-        jobs({.folder = options.data / "jobs", .film_budget_bytes = memory_bytes / 3}, scenes, scheduler,
-             writer, [this] { pump.news(); }),
+        jobs({.folder = options.data / "jobs", .film_budget_bytes = memory_bytes / 4}, scenes, caches, blobs,
+             scheduler, writer, [this] { pump.news(); }),
         scene_service(scenes, blobs, control, files),
         render_service(jobs, control, files, pump),
         probe_service(scenes, scheduler, control, probe_pump),
         flatland_service(control, scheduler),
-        server_service(scenes, jobs, scheduler, pump, probe_pump, control) {}
+        cache_service(scenes, caches, scheduler, control, files, fill_pump),
+        server_service(scenes, jobs, caches, scheduler, pump, probe_pump, fill_pump, control) {}
 
   FileDescriptor lock;
   int64_t memory_bytes;
@@ -140,14 +146,17 @@ struct Server::Parts {
   TaskQueue loader;
   StreamPump pump;
   StreamPump probe_pump;
+  StreamPump fill_pump;
   BlobStore blobs;
   SceneRegistry scenes;
+  CacheRegistry caches;
   Scheduler scheduler;
   JobTable jobs;
   SceneServiceImplementation scene_service;
   RenderServiceImplementation render_service;
   ProbeServiceImplementation probe_service;
   FlatlandServiceImplementation flatland_service;
+  CacheServiceImplementation cache_service;
   ServerServiceImplementation server_service;
   std::optional<Sweeper> sweeper;
   std::unique_ptr<grpc::Server> server;
@@ -177,15 +186,17 @@ Server::Server(const ServerOptions& options) {
   builder.RegisterService(&parts_->render_service);
   builder.RegisterService(&parts_->probe_service);
   builder.RegisterService(&parts_->flatland_service);
+  builder.RegisterService(&parts_->cache_service);
   builder.RegisterService(&parts_->server_service);
   parts_->server = builder.BuildAndStart();
   if (!parts_->server || (address.is_network && port == 0)) {
     throw OptionError("can't listen on " + options.listen + ": is the address in use?");
   }
   auto* health = parts_->server->GetHealthCheckService();
-  for (const char* service : {v1::SceneService::service_full_name(), v1::RenderService::service_full_name(),
-                              v1::ProbeService::service_full_name(), v1::FlatlandService::service_full_name(),
-                              v1::ServerService::service_full_name()}) {
+  for (const char* service :
+       {v1::SceneService::service_full_name(), v1::RenderService::service_full_name(),
+        v1::ProbeService::service_full_name(), v1::FlatlandService::service_full_name(),
+        v1::CacheService::service_full_name(), v1::ServerService::service_full_name()}) {
     health->SetServingStatus(service, true);
   }
   parts_->target = address.is_network ? address.host + ":" + std::to_string(port) : address.target;
@@ -204,8 +215,9 @@ void Server::stop() {
   parts.scenes.shut_down();
   parts.jobs.shut_down();
   parts.probe_service.shut_down();
+  parts.cache_service.shut_down();
   while ((parts.jobs.unfinished() > 0 || parts.pump.streams() > 0 || parts.probe_pump.streams() > 0 ||
-          !parts.loader.idle()) &&
+          parts.fill_pump.streams() > 0 || !parts.loader.idle()) &&
          Clock::now() < drain_end) {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
@@ -227,6 +239,7 @@ void Server::stop() {
   parts.writer.close();
   parts.pump.close();
   parts.probe_pump.close();
+  parts.fill_pump.close();
   parts_.reset();
 }
 

@@ -14,7 +14,8 @@ struct ServerOptions {
   std::filesystem::path data;                       ///< data directory; made if absent
   std::optional<std::filesystem::path> scene_root;  ///< scenes below it may be loaded by path
   int threads = 0;                                  ///< render threads; 0: one for each core
-  int64_t memory_bytes = 0;           ///< for scenes and films; 0: three quarters of the machine's
+  int64_t memory_bytes = 0;           ///< for scenes, caches and films; 0: three quarters of the machine's
+  int64_t cache_bytes = 0;            ///< of caches on the disk; 0: no limit
   bool insecure_any_address = false;  ///< allows addresses other than loopback and sockets
 };
 

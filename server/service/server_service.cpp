@@ -50,6 +50,7 @@ v1::GetCapabilitiesResponse describe_capabilities(bool scene_root) {
     v1::Integrator& integrator = *capabilities.add_integrators();
     integrator.set_name(info.name);
     integrator.set_description(info.summary);
+    integrator.set_cached(info.cached);
   }
   for (const derivatives::MethodInfo& info : derivatives::supported_methods()) {
     v1::ProbeMethod& method = *capabilities.add_probe_methods();
@@ -79,14 +80,17 @@ v1::GetCapabilitiesResponse describe_capabilities(bool scene_root) {
 }  // namespace
 
 ServerServiceImplementation::ServerServiceImplementation(const SceneRegistry& scenes, const JobTable& jobs,
+                                                         const CacheRegistry& caches,
                                                          const Scheduler& scheduler,
                                                          const StreamPump& watchers, const StreamPump& probes,
-                                                         TaskQueue& control)
+                                                         const StreamPump& fills, TaskQueue& control)
     : scenes_(scenes),
       jobs_(jobs),
+      caches_(caches),
       scheduler_(scheduler),
       watchers_(watchers),
       probes_(probes),
+      fills_(fills),
       control_(control),
       start_time_(timestamp_now()),
       capabilities_(describe_capabilities(scenes.has_scene_root())) {}
@@ -123,6 +127,8 @@ grpc::ServerUnaryReactor* ServerServiceImplementation::GetServerStatus(
     response->set_watchers(static_cast<int32_t>(watchers_.streams()));
     response->set_probes(static_cast<int32_t>(probes_.streams()));
     response->set_rays(jobs_.rays());
+    response->set_cache_memory_bytes(caches_.memory_bytes());
+    response->set_fills(static_cast<int32_t>(fills_.streams()));
   });
 }
 

@@ -13,8 +13,9 @@ namespace fogbank::service {
 
 class ServerServiceImplementation final : public v1::ServerService::CallbackService {
  public:
-  ServerServiceImplementation(const SceneRegistry& scenes, const JobTable& jobs, const Scheduler& scheduler,
-                              const StreamPump& watchers, const StreamPump& probes, TaskQueue& control);
+  ServerServiceImplementation(const SceneRegistry& scenes, const JobTable& jobs, const CacheRegistry& caches,
+                              const Scheduler& scheduler, const StreamPump& watchers,
+                              const StreamPump& probes, const StreamPump& fills, TaskQueue& control);
 
   grpc::ServerUnaryReactor* GetCapabilities(grpc::CallbackServerContext* context,
                                             const v1::GetCapabilitiesRequest* request,
@@ -26,9 +27,11 @@ class ServerServiceImplementation final : public v1::ServerService::CallbackServ
  private:
   const SceneRegistry& scenes_;
   const JobTable& jobs_;
+  const CacheRegistry& caches_;
   const Scheduler& scheduler_;
   const StreamPump& watchers_;
   const StreamPump& probes_;
+  const StreamPump& fills_;
   TaskQueue& control_;
   const google::protobuf::Timestamp start_time_;
   const Clock::time_point start_ = Clock::now();

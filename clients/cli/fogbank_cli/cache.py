@@ -246,7 +246,7 @@ def view(
         axis = None if up_axis is None else "xyz".index(up_axis)
         found = loaded.cache.view(side=side, cut=cut, up_axis=axis, **options)
     draw(found).save(path)
-    records = sum(len(extents.positions) for extents in found.records)
+    records = sum(extents.component.records for extents in found.records)
     output.event("done", image=path, cache=loaded.cache.name, records=records)
     output.text(f"{path}: {records} records")
 

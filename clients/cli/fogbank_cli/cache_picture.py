@@ -146,14 +146,14 @@ def _draw_records(canvas: Image.Image, records: _Records, shades: Colours, scale
 def _draw_legend(picture: Image.Image, top: int, view: fogbank.CacheView, limits: tuple[float, float]) -> None:
     pen = ImageDraw.Draw(picture)
     large, small = ImageFont.load_default(size=19), ImageFont.load_default(size=14)
-    records = sum(len(extents.positions) for extents in view.records)
+    records = sum(extents.component.records for extents in view.records)
     right, down, up = ("xyz"[axis] for axis in view.plan.axes)
     y = top + 20
     pen.text((_MARGIN, y), f"{records:,} records".replace(",", " "), font=large, fill=_INK)
     by_quantity: dict[str, int] = {}
     for extents in view.records:
         name = extents.component.quantity or "unknown"
-        by_quantity[name] = by_quantity.get(name, 0) + len(extents.positions)
+        by_quantity[name] = by_quantity.get(name, 0) + extents.component.records
     parts = [f"{count} {name}" for name, count in sorted(by_quantity.items())]
     parts.append(f"seen down {up}, cut at {up} = {view.plan.cut:.3g}; {right} to the right, {down} down")
     pen.text((_MARGIN, y + 32), ", ".join(parts), font=small, fill=_INK)

@@ -163,7 +163,7 @@ class Cache:
         self._connection = connection
         self._message = message
         self.name = name
-        """The name on the server, "caches/{radiance fingerprint}"."""
+        """The name on the server, "caches/{fingerprint}"."""
 
     def __repr__(self) -> str:
         """The name."""
@@ -222,9 +222,9 @@ class Cache:
 class SceneCache(Cache):
     """The cache of a loaded scene."""
 
-    def __init__(self, connection: Connection, radiance_fingerprint: str, scene: str) -> None:
+    def __init__(self, connection: Connection, name: str, scene: str) -> None:
         """Made by `Scene.cache`, not by users."""
-        super().__init__(connection, f"caches/{radiance_fingerprint}")
+        super().__init__(connection, name)
         self._scene = scene
 
     def fill(

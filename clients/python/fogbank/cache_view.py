@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from fogbank._generated.v1 import cache_pb2
 from fogbank.channel import Connection
-from fogbank.errors import FogbankError, InternalError, UnavailableError
+from fogbank.errors import FogbankError, UnavailableError
 from fogbank.retry import Backoff
 
 FloatArray = npt.NDArray[np.float32]
@@ -75,7 +75,7 @@ class Plan:
     """World axes that point to the right, down, and to the viewer: 0, 1, 2 for x, y, z."""
 
     extent: tuple[float, float, float, float]
-    """World coordinates of the left, right, lower and upper border."""
+    """World coordinates of the left, right, lower and upper border, the last two along the axis that points down."""
 
     cut: float
     """World coordinate along the up axis at which the scene is cut."""
@@ -89,15 +89,14 @@ class RecordExtents:
     """The component."""
 
     positions: FloatArray
-    """(n, 3), world space."""
+    """(n, 3): places that hold records, mostly one each; world space."""
 
     semi_axes: FloatArray
-    """(n, 3, 3): of each record's ellipsoid three vectors, the longest first; scene units."""
+    """(n, 3, 3): of each place's ellipsoid three vectors, the longest first, the third 0 on surfaces; scene units."""
 
     @property
     def radii(self) -> FloatArray:
-        """(n,): radius of the ball of the same volume; of records on surfaces, whose shortest semi-axis is 0, of the
-        disk of the same area."""
+        """(n,): radius of the ball of the same volume, on surfaces of the disk of the same area; scene units."""
         lengths = np.linalg.norm(self.semi_axes, axis=-1)
         flat = lengths[:, 2] <= 0.0
         ball = np.cbrt(np.prod(lengths, axis=-1))
@@ -130,41 +129,50 @@ def view_cache(connection: Connection, request: cache_pb2.ViewCacheRequest) -> C
 
 
 def _assemble(responses: Iterator[cache_pb2.ViewCacheResponse]) -> CacheView:
-    plan: Plan | None = None
+    plan: cache_pb2.PlanView | None = None
+    depth: list[FloatArray] = []
+    facing: list[FloatArray] = []
+    solid: list[bytes] = []
     parts: dict[bytes, tuple[CacheComponent, list[FloatArray], list[FloatArray]]] = {}
+    missing = 0
     for response in responses:
         if response.HasField("plan"):
-            plan = _plan(response.plan)
+            plan = response.plan
+            continue
+        if response.HasField("rows"):
+            depth.append(np.array(response.rows.depth, np.float32))
+            facing.append(np.array(response.rows.facing, np.float32))
+            solid.append(response.rows.solid)
             continue
         message = response.records
         key = message.component.SerializeToString(deterministic=True)
-        _, positions, semi_axes = parts.setdefault(key, (CacheComponent.from_message(message.component), [], []))
+        if key not in parts:
+            parts[key] = CacheComponent.from_message(message.component), [], []
+            missing += message.places
+        _, positions, semi_axes = parts[key]
         positions.append(np.array(message.positions, np.float32).reshape(-1, 3))
+        missing -= len(positions[-1])
         semi_axes.append(np.array(message.semi_axes, np.float32).reshape(-1, 3, 3))
-    if plan is None:
+    if plan is None or missing != 0 or sum(map(len, solid)) != plan.width * plan.height:
         raise EOFError
     records = [
         RecordExtents(component, np.concatenate(positions), np.concatenate(semi_axes))
         for component, positions, semi_axes in parts.values()
     ]
-    for extents in records:
-        if len(extents.positions) != extents.component.records:
-            raise EOFError
-    return CacheView(plan, records)
-
-
-def _plan(message: cache_pb2.PlanView) -> Plan:
-    shape = (message.height, message.width)
-    pixels = message.height * message.width
-    if not len(message.depth) == len(message.facing) == len(message.solid) == pixels:
-        raise InternalError("the server's plan does not have as many pixels as it says")
-    right = message.left + message.width * message.pixel_size
-    down = message.top + message.height * message.pixel_size
-    return Plan(
-        depth=np.array(message.depth, np.float32).reshape(shape),
-        facing=np.array(message.facing, np.float32).reshape(shape),
-        solid=np.frombuffer(message.solid, np.uint8).reshape(shape) != 0,
-        axes=(message.right_axis, message.down_axis, message.up_axis),
-        extent=(message.left, right, down, message.top),
-        cut=message.cut,
+    shape = (plan.height, plan.width)
+    return CacheView(
+        Plan(
+            depth=np.concatenate(depth).reshape(shape),
+            facing=np.concatenate(facing).reshape(shape),
+            solid=np.frombuffer(b"".join(solid), np.uint8).reshape(shape) != 0,
+            axes=(plan.right_axis, plan.down_axis, plan.up_axis),
+            extent=(
+                plan.left,
+                plan.left + plan.width * plan.pixel_size,
+                plan.top + plan.height * plan.pixel_size,
+                plan.top,
+            ),
+            cut=plan.cut,
+        ),
+        records,
     )

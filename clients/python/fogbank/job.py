@@ -256,7 +256,7 @@ class RenderStatistics:
     """Samples that were not finite or were negative, and were taken as black: a bug of the server if not 0."""
 
     cache: str | None
-    """The cache that it used, "caches/{radiance fingerprint}"; None for integrators without one."""
+    """The cache that it used, "caches/{fingerprint}"; None for integrators without one."""
 
     records_reused: int
     """Records that were in the cache when the job began, of components that it needs."""

@@ -208,8 +208,8 @@ class Scene:
 
     @property
     def cache(self) -> SceneCache:
-        """Its radiance cache, which scenes that differ in camera, film and integrator share."""
-        return SceneCache(self._connection, self.radiance_fingerprint, self.name)
+        """Its radiance cache, which scenes that differ in camera, film, integrator or brightness of lights share."""
+        return SceneCache(self._connection, self._message.cache, self.name)
 
     def render(self, *, request_id: str | None = None, **options: Unpack[RenderOptions]) -> Job:
         """Starts a render and returns at once.

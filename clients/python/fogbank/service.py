@@ -197,7 +197,7 @@ class Service:
                 return
 
     def cache(self, name: str) -> Cache:
-        """A cache by its name, "caches/{radiance fingerprint}"; asks the server only when something is wanted of it."""
+        """A cache by its name, "caches/{fingerprint}"; asks the server only when something is wanted of it."""
         return Cache(self._connection, name)
 
     def caches(self) -> Iterator[Cache]:
