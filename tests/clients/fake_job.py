@@ -19,7 +19,7 @@ TILE_SIZE = 16
 PASSES = 3
 
 # Integrators of the fake server.
-NORMAL, ENDLESS, FAILING = "volpath", "endless", "failing"
+NORMAL, CACHED, ENDLESS, FAILING = "volpath", "radiance-cache", "endless", "failing"
 
 
 def radiance(window: Window, pass_: int) -> npt.NDArray[np.float32]:
@@ -62,6 +62,20 @@ def status(code: int, reason: str, message: str, **metadata: str) -> status_pb2.
     detail = any_pb2.Any()
     detail.Pack(error_details_pb2.ErrorInfo(reason=reason, domain="fogbank", metadata=metadata))
     return status_pb2.Status(code=code, message=message, details=[detail])
+
+
+def report(passes_done: int) -> render_pb2.ErrorReport:
+    """What a job with a cache says of its image after some passes; nothing of the noise after the first one."""
+    message = render_pb2.ErrorReport(
+        elapsed_seconds=0.1 * passes_done, samples_per_pixel=passes_done, records=42, epoch=3, bias=0.03
+    )
+    if passes_done > 1:
+        message.noise = 0.04
+        message.estimated_error = 0.05
+    message.true_error.relative_mse = 0.001
+    message.true_error.median = 0.01
+    message.true_error.percentile_99 = 0.07
+    return message
 
 
 class FakeJob:
@@ -208,6 +222,10 @@ class FakeJob:
             progress.rays_per_second = 1.5e6
             progress.elapsed_seconds = 0.1 * passes_done
             progress.eta_seconds = 0.1
+            progress.phase = render_pb2.JOB_PHASE_RENDERING
+            if self.message.settings.integrator == CACHED:
+                progress.records_reused, progress.records_new, progress.epoch = 30, 12, 3
+                progress.report.CopyFrom(report(passes_done))
             self._revision += 1
             self._progress_revision = self._revision
             self._changed.notify_all()
@@ -235,6 +253,10 @@ class FakeJob:
             image_bytes=len(self.image),
             image_sha256=hashlib.sha256(self.image).hexdigest(),
         )
+        if settings.integrator == CACHED:
+            result.cache = "caches/" + "c" * 64
+            result.records_reused, result.records_new, result.epoch = 30, 12, 3
+            result.history.extend(report(number + 1) for number in range(PASSES))
         with self._changed:
             if not self.ended:
                 self.message.result.CopyFrom(result)

@@ -18,6 +18,8 @@ from typing import NoReturn
 
 import grpc
 from fogbank._generated.v1 import (
+    cache_pb2,
+    cache_pb2_grpc,
     probe_pb2,
     probe_pb2_grpc,
     render_pb2,
@@ -30,7 +32,8 @@ from fogbank._generated.v1 import (
 from grpc_status import rpc_status
 
 from tests.clients import fake_probe
-from tests.clients.fake_job import ENDLESS, FAILING, NORMAL, FakeJob, status
+from tests.clients.fake_caches import CACHE, FakeCaches, chunks, file_of, records_of
+from tests.clients.fake_job import CACHED, ENDLESS, FAILING, NORMAL, FakeJob, status
 
 CHUNK_LIMIT = 64
 LOAD_SECONDS = 0.25
@@ -76,6 +79,7 @@ class FakeServer(
     scene_pb2_grpc.SceneServiceServicer,
     render_pb2_grpc.RenderServiceServicer,
     probe_pb2_grpc.ProbeServiceServicer,
+    cache_pb2_grpc.CacheServiceServicer,
     server_pb2_grpc.ServerServiceServicer,
 ):
     """The services; `start` makes them reachable.
@@ -89,6 +93,7 @@ class FakeServer(
         upload_offsets: where each upload stream began.
         create_job_requests: as they came.
         probe_headers: as they came.
+        caches: the one cache.
     """
 
     def __init__(self) -> None:
@@ -102,6 +107,7 @@ class FakeServer(
         self.upload_offsets: list[int] = []
         self.create_job_requests: list[render_pb2.CreateJobRequest] = []
         self.probe_headers: list[probe_pb2.ProbeHeader] = []
+        self.caches = FakeCaches()
         self.hold_jobs = False
         self._lock = threading.Lock()
         self._server: grpc.Server | None = None
@@ -112,6 +118,7 @@ class FakeServer(
         scene_pb2_grpc.add_SceneServiceServicer_to_server(self, self._server)
         render_pb2_grpc.add_RenderServiceServicer_to_server(self, self._server)
         probe_pb2_grpc.add_ProbeServiceServicer_to_server(self, self._server)
+        cache_pb2_grpc.add_CacheServiceServicer_to_server(self, self._server)
         server_pb2_grpc.add_ServerServiceServicer_to_server(self, self._server)
         port = self._server.add_insecure_port(address)
         self._server.start()
@@ -258,7 +265,7 @@ class FakeServer(
         self.create_job_requests.append(request)
         if request.scene not in self.scenes:
             self._fail(context, 5, "SCENE_NOT_FOUND", f"there is no {request.scene}")
-        if request.settings.integrator not in ("", NORMAL, ENDLESS, FAILING):
+        if request.settings.integrator not in ("", NORMAL, CACHED, ENDLESS, FAILING):
             message = f"integrator: {request.settings.integrator!r} is unknown; known are volpath"
             self._fail(context, 3, "INVALID_SETTINGS", message, field="settings.integrator")
         if request.settings.samples_per_pixel > 1000:
@@ -389,6 +396,96 @@ class FakeServer(
 
     # Server
 
+    # Caches
+
+    def GetCache(  # noqa: N802
+        self, request: cache_pb2.GetCacheRequest, context: grpc.ServicerContext
+    ) -> cache_pb2.GetCacheResponse:
+        """As in the contract."""
+        self._check_cache(request.name, context)
+        return cache_pb2.GetCacheResponse(cache=self.caches.message())
+
+    def ListCaches(  # noqa: N802
+        self, request: cache_pb2.ListCachesRequest, context: grpc.ServicerContext
+    ) -> cache_pb2.ListCachesResponse:
+        """The one cache, on a second page."""
+        if not request.page_token:
+            return cache_pb2.ListCachesResponse(next_page_token="more")
+        return cache_pb2.ListCachesResponse(caches=[self.caches.message(components=False)])
+
+    def FillCache(  # noqa: N802
+        self, request: cache_pb2.FillCacheRequest, context: grpc.ServicerContext
+    ) -> Iterator[cache_pb2.FillCacheResponse]:
+        """As in the contract; breaks off as it is told."""
+        yield from self.caches.fill(request, context)
+
+    def ViewCache(  # noqa: N802
+        self, request: cache_pb2.ViewCacheRequest, context: grpc.ServicerContext
+    ) -> Iterator[cache_pb2.ViewCacheResponse]:
+        """As in the contract."""
+        self.caches.view_requests.append(request)
+        yield from self.caches.view()
+
+    def ExportCache(  # noqa: N802
+        self, request: cache_pb2.ExportCacheRequest, context: grpc.ServicerContext
+    ) -> Iterator[cache_pb2.ExportCacheResponse]:
+        """As in the contract; breaks off as it is told."""
+        self._check_cache(request.name, context)
+        left = self.caches.cut_exports_after.pop(0) if self.caches.cut_exports_after else None
+        for number, chunk in enumerate(chunks(self.caches.export(), request.offset)):
+            if left == number:
+                context.abort(grpc.StatusCode.UNAVAILABLE, "connection lost")
+            yield cache_pb2.ExportCacheResponse(chunk=chunk)
+
+    def ImportCache(  # noqa: N802
+        self, request: cache_pb2.ImportCacheRequest, context: grpc.ServicerContext
+    ) -> cache_pb2.ImportCacheResponse:
+        """As in the contract."""
+        records = records_of(self.blobs[request.sha256])
+        if records is None:
+            self._fail(context, 3, "INVALID_CACHE_FILE", "not a cache file")
+        new = len(records - self.caches.records)
+        self.caches.records |= records
+        return cache_pb2.ImportCacheResponse(cache=self.caches.message(), records_new=new)
+
+    def MergeCaches(  # noqa: N802
+        self, request: cache_pb2.MergeCachesRequest, context: grpc.ServicerContext
+    ) -> Iterator[cache_pb2.MergeCachesResponse]:
+        """As in the contract."""
+        merged: set[str] = set()
+        for sha256 in request.sha256s:
+            merged |= records_of(self.blobs[sha256]) or set()
+        for chunk in chunks(file_of(merged), request.offset):
+            yield cache_pb2.MergeCachesResponse(chunk=chunk)
+
+    def VerifyCache(  # noqa: N802
+        self, request: cache_pb2.VerifyCacheRequest, context: grpc.ServicerContext
+    ) -> cache_pb2.VerifyCacheResponse:
+        """Everything is in order."""
+        self._check_cache(request.name, context)
+        return cache_pb2.VerifyCacheResponse(records=len(self.caches.records), segments=1, bytes=1000)
+
+    def CollectCacheGarbage(  # noqa: N802
+        self, request: cache_pb2.CollectCacheGarbageRequest, context: grpc.ServicerContext
+    ) -> cache_pb2.CollectCacheGarbageResponse:
+        """Removes the cache if it is above the budget."""
+        if not request.HasField("budget_bytes") or request.budget_bytes >= 1000:
+            return cache_pb2.CollectCacheGarbageResponse(bytes_before=1000, bytes_after=1000)
+        self.caches.records.clear()
+        return cache_pb2.CollectCacheGarbageResponse(removed=[CACHE], bytes_before=1000)
+
+    def DeleteCache(  # noqa: N802
+        self, request: cache_pb2.DeleteCacheRequest, context: grpc.ServicerContext
+    ) -> cache_pb2.DeleteCacheResponse:
+        """As in the contract."""
+        self._check_cache(request.name, context)
+        self.caches.records.clear()
+        return cache_pb2.DeleteCacheResponse()
+
+    def _check_cache(self, name: str, context: grpc.ServicerContext) -> None:
+        if name != CACHE or not self.caches.records:
+            self._fail(context, 5, "CACHE_NOT_FOUND", f"there is no {name}")
+
     def GetCapabilities(  # noqa: N802
         self, request: server_pb2.GetCapabilitiesRequest, context: grpc.ServicerContext
     ) -> server_pb2.GetCapabilitiesResponse:
@@ -397,7 +494,10 @@ class FakeServer(
         return server_pb2.GetCapabilitiesResponse(
             version="0.0.1",
             build_id="fake",
-            integrators=[server_pb2.Integrator(name=NORMAL, description="path tracing in fog")],
+            integrators=[
+                server_pb2.Integrator(name=NORMAL, description="path tracing in fog"),
+                server_pb2.Integrator(name=CACHED, description="reads records", cached=True),
+            ],
             probe_methods=[server_pb2.ProbeMethod(name=fake_probe.METHOD, description="sees what blocks light")],
             limits=[
                 server_pb2.Limit(name="max_upload_chunk_bytes", value=CHUNK_LIMIT, unit="bytes", description="chunk")
@@ -437,7 +537,17 @@ def _scene(name: str, main_path: str, *, lenient: bool) -> scene_pb2.Scene:
         statistics=scene_pb2.SceneStatistics(triangles=12, shapes=1, lights=1, media=1),
         load_times=scene_pb2.LoadTimes(total_seconds=LOAD_SECONDS),
         warnings=[f"{main_path}:3: <bsdf>: replaced by diffuse"] if lenient else [],
-        defaults=scene_pb2.RenderDefaults(width=40, height=24, integrator=NORMAL, samples_per_pixel=4, max_depth=-1),
+        defaults=scene_pb2.RenderDefaults(
+            width=40,
+            height=24,
+            integrator=NORMAL,
+            samples_per_pixel=4,
+            max_depth=-1,
+            # At (0, 0, -5), looking along +z.
+            camera_to_world=[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, -5, 0, 0, 0, 1],
+        ),
+        bounds=scene_pb2.BoundingSphere(x=0, y=0, z=0, radius=2),
+        cache=CACHE,
     )
     scene.create_time.FromSeconds(int(time.time()))
     return scene

@@ -12,6 +12,7 @@ from typing import Any
 import fogbank
 import numpy as np
 import pytest
+from fogbank._generated.v1 import render_pb2
 from fogbank.image import Image
 from fogbank_cli.exit_codes import DESCRIPTIONS, ExitCode
 from fogbank_cli.main import run
@@ -90,6 +91,12 @@ def test_every_render_option_reaches_the_server(
     arguments += (
         f" --threads 2 --tile-size 16 --tile-order scan --region 0,0,8,8 --integrator volpath --camera {camera}"
     )
+    reference = tmp_path / "reference.exr"
+    reference.write_bytes(b"pixels")
+    arguments += (
+        f" --error 0.02 --records 100 --single-scattering guided --spheres --aov radius,bias --epoch 3"
+        f" --reference {reference}"
+    )
     status, _ = events("render", scene_path, "-o", tmp_path / "out.exr", *arguments.split())
     assert status == ExitCode.OK
     (request,) = fake.create_job_requests
@@ -99,6 +106,8 @@ def test_every_render_option_reaches_the_server(
     )
     assert (settings.width, settings.height, settings.max_depth, settings.rr_depth) == (64, 32, 7, 3)
     assert settings.camera.fov_degrees == 30.0
+    assert list(settings.aovs) == [render_pb2.AOV_RADIUS, render_pb2.AOV_BIAS]
+    assert fake.blobs[settings.reference_sha256] == b"pixels"
 
 
 def test_parameters_and_root_reach_the_loader(
@@ -293,7 +302,7 @@ def test_the_server_describes_itself(events: Events, address: str, capsys: pytes
     assert printed[0]["version"] == "0.0.1"
     assert printed[0]["uptime_seconds"] == 65.0
     _, printed = events("server", "capabilities")
-    assert printed[0]["integrators"] == {"volpath": "path tracing in fog"}
+    assert printed[0]["integrators"] == {"volpath": "path tracing in fog", "radiance-cache": "reads records"}
     assert run(["--server", address, "server", "status"]) == ExitCode.OK
     assert "up for 1 min 05 s" in capsys.readouterr().out
     assert run(["--server", address, "server", "capabilities"]) == ExitCode.OK
@@ -380,6 +389,14 @@ def test_a_log_gets_a_line_for_each_tenth_of_a_long_render(capsys: pytest.Captur
                 rays_per_second=2e6,
                 elapsed_seconds=0.1 * step,
                 eta_seconds=10.0 - 0.1 * step,
+                phase="rendering",
+                records_reused=0,
+                records_new=0,
+                epoch=0,
+                estimated_error=None,
+                noise=None,
+                bias=None,
+                true_error=None,
             )
         )
     # The first five seconds pass in silence: a short render needs no log.

@@ -35,7 +35,7 @@ class Capabilities:
     integrators: dict[str, str]
     """What `RenderOptions.integrator` takes, each with a description."""
 
-    cached_integrators: frozenset[str]
+    cached_integrators: list[str]
     """Those of `integrators` that read and fill the scene's radiance cache."""
 
     probe_methods: dict[str, str]
@@ -60,7 +60,7 @@ class Capabilities:
             version=message.version,
             build_id=message.build_id,
             integrators={integrator.name: integrator.description for integrator in message.integrators},
-            cached_integrators=frozenset(item.name for item in message.integrators if item.cached),
+            cached_integrators=[item.name for item in message.integrators if item.cached],
             probe_methods={method.name: method.description for method in message.probe_methods},
             limits={limit.name: Limit(limit.value, limit.unit, limit.description) for limit in message.limits},
             scene_plugins={plugins.kind: list(plugins.names) for plugins in message.scene_plugins},

@@ -33,6 +33,9 @@ CHANNEL_OPTIONS: tuple[tuple[str, int], ...] = (
     ("grpc.http2.lookahead_bytes", 65536),
 )
 
+# Large enough for full throughput, small enough that a broken stream repeats little; see also max_upload_chunk_bytes.
+UPLOAD_CHUNK_BYTES = 256 * 1024
+
 Request_contra = TypeVar("Request_contra", contravariant=True)
 Response_co = TypeVar("Response_co", covariant=True)
 
@@ -71,6 +74,9 @@ class Connection:
         retry_policy: for calls and streams that meet UNAVAILABLE.
         explain_unavailable: asked for a better error when the server cannot be reached, such as the log of an
             embedded server that died; its answer is raised without further tries.
+
+    Attributes:
+        upload_chunk_bytes: of an upload message; whoever knows that the server takes less lowers it.
     """
 
     def __init__(
@@ -83,6 +89,7 @@ class Connection:
         """See the class for the meaning of the arguments."""
         self.target = target
         self.retry_policy = retry_policy or RetryPolicy()
+        self.upload_chunk_bytes = UPLOAD_CHUNK_BYTES
         self._explain_unavailable = explain_unavailable
         self._lock = threading.Lock()
         self._stubs: Stubs | None = None

@@ -8,9 +8,6 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Unpack
 
-import numpy as np
-import numpy.typing as npt
-
 from fogbank._generated.v1 import probe_pb2, render_pb2, scene_pb2
 from fogbank.cache import SceneCache
 from fogbank.channel import Connection
@@ -98,8 +95,8 @@ class RenderDefaults:
     rr_depth: int
     """Path length from which Russian roulette ends paths."""
 
-    camera_to_world: npt.NDArray[np.float64]
-    """(4, 4): the camera looks along its +z axis, +y is up."""
+    camera_to_world: list[float]
+    """16 numbers row by row: the camera looks along its +z axis, +y is up."""
 
 
 @dataclass(frozen=True)
@@ -197,7 +194,7 @@ class Scene:
             spp=message.samples_per_pixel,
             max_depth=message.max_depth,
             rr_depth=message.rr_depth,
-            camera_to_world=np.array(message.camera_to_world, np.float64).reshape(4, 4),
+            camera_to_world=list(message.camera_to_world),
         )
 
     @property

@@ -25,7 +25,7 @@ from fogbank.paths import cache_folder
 from fogbank.retry import RetryPolicy
 from fogbank.scene import Scene
 from fogbank.scene_files import SceneFiles
-from fogbank.upload import CHUNK_BYTES, ProgressSink, push
+from fogbank.upload import ProgressSink, push
 
 ParameterValue = str | int | float | bool
 
@@ -71,6 +71,9 @@ class Service:
             self._capabilities = Capabilities.from_message(
                 connection.call(lambda stubs: stubs.server.GetCapabilities, server_pb2.GetCapabilitiesRequest())
             )
+            limit = self._capabilities.limits.get("max_upload_chunk_bytes")
+            if limit is not None:
+                connection.upload_chunk_bytes = min(connection.upload_chunk_bytes, int(limit.value))
         except BaseException:
             self.close()
             raise
@@ -133,12 +136,10 @@ class Service:
         Raises InvalidSceneError, naming file, line and element, for scenes that cannot be loaded.
         """
         options = _load_options(parameters, lenient)
-        limit = self._capabilities.limits.get("max_upload_chunk_bytes")
-        chunk_bytes = CHUNK_BYTES if limit is None else min(CHUNK_BYTES, int(limit.value))
         with closing(HashCache(cache_folder() / "hashes.sqlite")) as hash_cache:
             files = SceneFiles(Path(path), None if root is None else Path(root), hash_cache)
             try:
-                manifest = push(self._connection, files, options, chunk_bytes=chunk_bytes, on_progress=on_progress)
+                manifest = push(self._connection, files, options, on_progress=on_progress)
                 return self._create_scene(scene_pb2.CreateSceneRequest(manifest=manifest))
             except InvalidSceneError as error:
                 raise _with_advice(error, files.root) from None

@@ -18,9 +18,6 @@ from fogbank.paths import cache_folder
 from fogbank.retry import Backoff
 from fogbank.scene_files import LocalFile, SceneFiles
 
-# Large enough for full throughput, small enough that a broken stream repeats little; see also max_upload_chunk_bytes.
-CHUNK_BYTES = 256 * 1024
-
 # A file that an editor or exporter is still writing may change between hashing and sending; after this many rounds
 # the user is told instead.
 _MOST_CHANGES_OF_A_FILE = 3
@@ -54,7 +51,6 @@ def push(
     files: SceneFiles,
     options: scene_pb2.LoadOptions,
     *,
-    chunk_bytes: int,
     on_progress: ProgressSink | None = None,
 ) -> scene_pb2.SceneManifest:
     """Uploads what the server lacks, until its XML files name nothing more that exists here.
@@ -63,7 +59,6 @@ def push(
         connection: the server.
         files: the scene's files; grows as the server finds references.
         options: how the scene is going to be read (search folders may depend on parameters).
-        chunk_bytes: size of an upload message, at most the server's max_upload_chunk_bytes.
         on_progress: told about every chunk.
 
     Returns: the complete manifest, for CreateScene. Raises InvalidSceneError for malformed XML and for references
@@ -83,7 +78,7 @@ def push(
             file = files.by_sha256(sha256)
             if file is None or sent[sha256] >= _MOST_SENDINGS_OF_A_BLOB:
                 raise InternalError(f"the server asks for the blob {sha256}, which it was not told of or has already")
-            _Upload(connection, files, file, chunk_bytes, on_progress).run()
+            _Upload(connection, files, file, on_progress).run()
             sent[sha256] += 1
         # A reference may have several candidates, and a missing file is for CreateScene to report with its line.
         candidates = [path for path in response.unlisted_paths if path not in looked_for]
@@ -108,7 +103,7 @@ def upload_file(connection: Connection, path: Path, *, on_progress: ProgressSink
             )
             if response.complete:
                 return file.sha256
-            _Upload(connection, files, file, CHUNK_BYTES, on_progress).run()
+            _Upload(connection, files, file, on_progress).run()
 
 
 class _Upload:
@@ -119,13 +114,12 @@ class _Upload:
         connection: Connection,
         files: SceneFiles,
         file: LocalFile,
-        chunk_bytes: int,
         on_progress: ProgressSink | None,
     ) -> None:
         self._connection = connection
         self._files = files
         self._file = file
-        self._chunk_bytes = chunk_bytes
+        self._chunk_bytes = connection.upload_chunk_bytes
         self._on_progress = on_progress
         self._read_error: OSError | None = None
 
