@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "service/answers.h"
-#include "service/files.h"
+#include "core/files.h"
 #include "service/limits.h"
 #include "service/temporary_file.h"
 

@@ -3,7 +3,7 @@
 #include "core/error.h"
 #include "render/exr_reader.h"
 #include "service/field_errors.h"
-#include "service/files.h"
+#include "core/files.h"
 #include "service/names.h"
 #include "service/rpc_error.h"
 
