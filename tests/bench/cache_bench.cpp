@@ -1,10 +1,17 @@
-// Look-ups a second of the radiance cache, and the time to publish an epoch, against the number of records.
-// Each point lies in about 12 records; run with --benchmark_filter=.../1000000 for a size. Counters: records
-// that count at a point, bytes a record of set and index together.
+// Look-ups a second of the radiance cache, the time to publish an epoch, to extend a set and to write and
+// read it, against the number of records. Each point lies in about 12 records; run with
+// --benchmark_filter=.../1000000 for a size. Counters: records that count at a point, bytes a record of set
+// and index together, bytes a record in a file.
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
+#include <filesystem>
+
 #include "../unit/cache/record_clouds.h"
+#include "../unit/cache/temporary_folder.h"
 #include "cache/index.h"
+#include "cache/store/store.h"
+#include "core/sha256.h"
 
 namespace fogbank::cache {
 namespace {
@@ -81,23 +88,80 @@ void publish(benchmark::State& state, test::Layout layout) {
   state.SetItemsProcessed(static_cast<int64_t>(state.iterations() * records.set->size()));
 }
 
-BENCHMARK_CAPTURE(look_up, uniform_rays, test::Layout::uniform, true)
-    ->RangeMultiplier(10)
-    ->Range(1000, 1000000);
-BENCHMARK_CAPTURE(look_up, uniform_random, test::Layout::uniform, false)
-    ->RangeMultiplier(10)
-    ->Range(1000, 1000000);
+/// A set of which one record in a hundred is new: as a union with what was there, or from all records.
+void extend(benchmark::State& state, bool rebuild) {
+  const Cloud& records = cloud(test::Layout::uniform, static_cast<size_t>(state.range(0)));
+  std::vector<Record> all;
+  std::vector<Record> old;
+  std::vector<Record> added;
+  for (size_t i = 0; i < records.set->size(); ++i) {
+    const Record record = records.set->record(i);
+    if (rebuild)
+      all.push_back(record);
+    else
+      (i % 100 == 50 ? added : old).push_back(record);
+  }
+  // New records come as fills make them, not in a set's order.
+  std::ranges::sort(rebuild ? all : added, {}, &Record::id);
+  const RecordSet before(std::move(old));
+  for (auto _ : state) {
+    const RecordSet result = rebuild ? RecordSet(all) : merge(before, RecordSet(added));
+    benchmark::DoNotOptimize(result.shading());
+  }
+  state.SetItemsProcessed(static_cast<int64_t>(state.iterations() * records.set->size()));
+}
+
+const std::string transport = sha256("cache_bench");
+
+void append(benchmark::State& state) {
+  const Cloud& records = cloud(test::Layout::uniform, static_cast<size_t>(state.range(0)));
+  for (auto _ : state) {
+    const test::TemporaryFolder folder;
+    StoredCache(folder.path() / transport, transport).append(*records.set, {});
+  }
+  state.SetItemsProcessed(static_cast<int64_t>(state.iterations() * records.set->size()));
+}
+
+void load(benchmark::State& state) {
+  const Cloud& records = cloud(test::Layout::uniform, static_cast<size_t>(state.range(0)));
+  const test::TemporaryFolder folder;
+  StoredCache stored(folder.path() / transport, transport);
+  stored.append(*records.set, {});
+  uint64_t bytes = 0;
+  for (auto _ : state) bytes += stored.load({}).bytes;
+  state.SetItemsProcessed(static_cast<int64_t>(state.iterations() * records.set->size()));
+  state.SetBytesProcessed(static_cast<int64_t>(bytes));
+  state.counters["file_bytes"] =
+      static_cast<double>(bytes) / static_cast<double>(state.iterations() * records.set->size());
+}
+
+// Sets of 10^7 records are made once, for benchmarks of one layout: they take a minute and 4 GB.
 BENCHMARK_CAPTURE(look_up, sheets_rays, test::Layout::sheets, true)
     ->RangeMultiplier(10)
     ->Range(1000, 1000000);
 BENCHMARK_CAPTURE(look_up, sheets_random, test::Layout::sheets, false)
     ->RangeMultiplier(10)
     ->Range(1000, 1000000);
-BENCHMARK_CAPTURE(publish, uniform, test::Layout::uniform)
-    ->Arg(100000)
-    ->UseRealTime()
-    ->MeasureProcessCPUTime();
 BENCHMARK_CAPTURE(publish, sheets, test::Layout::sheets)->Arg(100000)->UseRealTime()->MeasureProcessCPUTime();
+
+const int registered = [] {
+  for (int64_t count = 1000; count <= 10000000; count *= 10) {
+    benchmark::RegisterBenchmark("look_up/uniform_rays", look_up, test::Layout::uniform, true)->Arg(count);
+    benchmark::RegisterBenchmark("look_up/uniform_random", look_up, test::Layout::uniform, false)->Arg(count);
+    benchmark::RegisterBenchmark("publish/uniform", publish, test::Layout::uniform)
+        ->Arg(count)
+        ->UseRealTime()
+        ->MeasureProcessCPUTime();
+    for (const bool rebuild : {false, true})
+      benchmark::RegisterBenchmark(rebuild ? "rebuild" : "extend", extend, rebuild)
+          ->Arg(count)
+          ->UseRealTime()
+          ->MeasureProcessCPUTime();
+    benchmark::RegisterBenchmark("append", append)->Arg(count)->UseRealTime()->MeasureProcessCPUTime();
+    benchmark::RegisterBenchmark("load", load)->Arg(count)->UseRealTime()->MeasureProcessCPUTime();
+  }
+  return 0;
+}();
 
 }  // namespace
 }  // namespace fogbank::cache

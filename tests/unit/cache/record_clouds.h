@@ -1,6 +1,8 @@
 // Sets of records with extents of known size, for tests and benchmarks of the cache.
 #pragma once
 
+#include <tbb/parallel_for.h>
+
 #include <cmath>
 #include <vector>
 
@@ -59,7 +61,7 @@ inline std::vector<Record> make_cloud(Layout layout, size_t count, double overla
     return sum;
   };
   std::vector<Record> records(count);
-  for (size_t number = 0; number < count; ++number) {
+  tbb::parallel_for(size_t{0}, count, [&](size_t number) {
     RandomStream random(seed, static_cast<uint32_t>(number), static_cast<uint32_t>(number >> 32), 0);
     Record& record = records[number];
     const bool in_sheet = layout == Layout::sheets && random.next_float() < 0.9f;
@@ -97,7 +99,7 @@ inline std::vector<Record> make_cloud(Layout layout, size_t count, double overla
     for (int k = 0; k < 3; ++k)
       record.hessian +=
           static_cast<float>(curvature) * shares[k] * Symmetric3f::outer(frame[static_cast<size_t>(k)]);
-  }
+  });
   return records;
 }
 
