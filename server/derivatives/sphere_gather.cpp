@@ -48,6 +48,7 @@ void SphereGather::trace(const Vec3f& x, int32_t medium, RandomStream& random, S
                          RayCounters& counters) const {
   const int32_t n = DirectionTopology::side_for(settings_.samples);
   samples.rays.trace(x, medium, n, random, counters);
+  if (!settings_.emission) samples.rays.forget_emitted();
   samples.outlines.points.clear();
   samples.outlines.of_edge.assign(samples.rays.topology().edges().size(), Outlines::none);
   samples.radiance.assign(samples.rays.ends().size(), Spectrum(0));

@@ -38,6 +38,11 @@ class SphereRays {
   /// Lines from `x` in `medium` in `n` x `n` stratified directions.
   void trace(const Vec3f& x, int32_t medium, int32_t n, RandomStream& random, RayCounters& counters);
 
+  /// Environments are counted elsewhere.
+  void forget_emitted() {
+    for (RayEnd& end : ends_) end.emitted = Spectrum(0);
+  }
+
   const DirectionTopology& topology() const { return *topology_; }
   const Sightlines& lines() const { return lines_; }
   /// One for each direction.
