@@ -1,7 +1,7 @@
 """Measures what the README promises, prints tables and writes out/bench/*.json.
 
     python -m tests.bench.run [comparison] [embree] [loading] [serving] [form_factors] [derivatives]
-                              [records] [leaving_out] [cache] [pictures]      all of them by default
+                              [records] [leaving_out] [cache] [generations] [pictures]      all of them by default
 
 Figures depend on the machine and on what else it does; ratios, of runs that take turns, much less. See the modules for
 what exactly is measured.
@@ -26,6 +26,7 @@ from tests.bench import (
     embree_share,
     engines,
     form_factors,
+    generations,
     loading,
     pictures,
     records,
@@ -126,6 +127,15 @@ def main() -> None:
         save("cache", runs)
         return cache.table(runs)
 
+    def run_generations() -> str:
+        results = {
+            name: generations.measure(path)
+            for name, path in generations.scenes().items()
+            if not options.scene or name in options.scene
+        }
+        save("generations", results)
+        return generations.table(results)
+
     def run_pictures() -> str:
         results = []
         for case in pictures.cases():
@@ -144,6 +154,7 @@ def main() -> None:
         "derivatives": run_derivatives,
         "leaving_out": run_leaving_out,
         "cache": run_cache,
+        "generations": run_generations,
         "pictures": run_pictures,
     }
     unknown = set(options.parts) - set(parts)
