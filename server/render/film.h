@@ -4,6 +4,7 @@
 // too (render_job.cpp), which makes it 96 bytes a pixel, or 192 with both layers.
 #pragma once
 
+#include <bit>
 #include <cstdint>
 #include <vector>
 
@@ -17,21 +18,34 @@ struct SampleRange {
   uint32_t end = 0;
 
   uint32_t count() const { return end - first; }
-  uint32_t even_count() const { return (end + 1) / 2 - (first + 1) / 2; }
-  uint32_t odd_count() const { return end / 2 - first / 2; }
+  /// Samples of the first and of the second half (PixelSums).
+  uint32_t even_count() const { return count() - odd_count(); }
+  uint32_t odd_count() const { return odd_below(end) - odd_below(first); }
+
+ private:
+  /// Two numbers that differ in the last digit only are in different halves.
+  static uint32_t odd_below(uint32_t n) {
+    return n / 2 + (n % 2 == 0 ? 0 : static_cast<uint32_t>(std::popcount(n - 1)) % 2);
+  }
 };
 
-/// Samples of one pixel in two halves, by even and odd sample index. Doubles: with 2^20 samples a sum of
-/// floats would lose what the last samples add. Always summed in the order of the sample index, hence a
+/// Samples of one pixel in two halves, by the parity of the ones among the index's binary digits. Samples of a
+/// pixel are spread over it by low-discrepancy sequences (core/sobol.h), whose first strata are the index's last
+/// digits: odd and even indices would be the two sides of the pixel, and differ by what is seen there; these
+/// halves are as evenly spread as all samples are. Then the difference overestimates the noise where the
+/// sequences do well, and is right where the samples are as good as independent. Doubles: with 2^20 samples a
+/// sum of floats would lose what the last samples add. Always summed in the order of the sample index, hence a
 /// function of the samples alone.
 struct PixelSums {
   Vec3d even{0};
   Vec3d odd{0};
 
-  void add(uint32_t sample, const Spectrum& radiance) { (sample % 2 == 0 ? even : odd) += Vec3d(radiance); }
+  void add(uint32_t sample, const Spectrum& radiance) {
+    (std::popcount(sample) % 2 == 0 ? even : odd) += Vec3d(radiance);
+  }
   Vec3d mean(SampleRange samples) const;
-  /// Difference of the two halves' means, scaled so that its square estimates, without bias, the variance of
-  /// `mean`: with a and b samples of variance v each, E[(A - B)^2] = v (1 / a + 1 / b), and the variance of
+  /// Difference of the two halves' means, scaled so that its square estimates, without bias where samples
+  /// are independent, the variance of `mean`: with a and b samples of variance v each, E[(A - B)^2] = v (1 / a + 1 / b), and the variance of
   /// the mean is v / (a + b); so the scale is sqrt(a b) / (a + b). 0 where a half is empty.
   Vec3d standard_error(SampleRange samples) const;
 };

@@ -48,6 +48,38 @@ TEST(Film, OneSampleHasNoVariance) {
   EXPECT_EQ(PixelSums{}.mean({0, 0}), Vec3d(0));
 }
 
+TEST(Film, HalvesOfARange) {
+  for (uint32_t first = 0; first < 70; ++first) {
+    for (uint32_t end = first; end < 140; ++end) {
+      PixelSums sums;
+      for (uint32_t i = first; i < end; ++i) sums.add(i, Spectrum(1));
+      const SampleRange range{first, end};
+      ASSERT_EQ(sums.even.x, range.even_count()) << first << " " << end;
+      ASSERT_EQ(sums.odd.x, range.odd_count()) << first << " " << end;
+      ASSERT_LE(std::fabs(sums.even.x - sums.odd.x), 2);
+    }
+  }
+}
+
+// An edge through the pixels: the samples are spread evenly over both sides, so the noise falls faster than by
+// the root of the number of samples. Halves that were the two sides themselves would never agree.
+TEST(Film, NoiseOfAnEdgeFalls) {
+  const auto noise = [](int32_t samples) {
+    RenderSettings settings = small_settings(64, 64, samples);
+    settings.sensor.kind = scene::SensorKind::orthographic;
+    RenderJob job(function_integrator([](const Ray& ray, RandomStream&, RayCounters&) {
+                    const float pixels = 32 * ray.origin.x;  // the film is 2 wide
+                    return Spectrum(pixels - std::floor(pixels) < 0.4f ? 1.0f : 0.0f);
+                  }),
+                  settings);
+    run_to_completion(job, 2);
+    return job.progress().estimate.noise.value();
+  };
+  const double few = noise(16);
+  // Independent samples would have a quarter.
+  EXPECT_LT(noise(256), few / 5);
+}
+
 TEST(Film, SumsDoNotLoseSmallSamples) {
   PixelSums sums;
   sums.add(0, Spectrum(1e9f));

@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "prepared_integrator.h"
+#include "render/film_camera.h"
 
 namespace fogbank::render {
 namespace {
@@ -103,9 +104,8 @@ TEST(Preparation, LayersAddUp) {
       Vec3d cached(0);
       for (uint32_t i = 0; i < 8; ++i) {
         RandomStream random(0, static_cast<uint32_t>(x), static_cast<uint32_t>(y), i);
-        const Vec2f offset = scene::sample_filter_offset(settings.film, random.next_vec2());
-        const Vec2f position = Vec2f(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f) + offset;
-        const Ray ray = settings.sensor.sample_ray(settings.film, position, random.next_vec2());
+        const Ray ray = FilmCamera(settings.sensor, settings.film)
+                            .sample(static_cast<uint32_t>(x), static_cast<uint32_t>(y), random);
         sampled += Vec3d(Spectrum(random.next_float()));
         if (i > 0) cached += Vec3d(Spectrum(published) + 0.25f * glm::abs(ray.direction));
       }
