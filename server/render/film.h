@@ -29,13 +29,13 @@ struct SampleRange {
   }
 };
 
-/// Samples of one pixel in two halves, by the parity of the ones among the index's binary digits. Samples of a
-/// pixel are spread over it by low-discrepancy sequences (core/sobol.h), whose first strata are the index's last
-/// digits: odd and even indices would be the two sides of the pixel, and differ by what is seen there; these
-/// halves are as evenly spread as all samples are. Then the difference overestimates the noise where the
-/// sequences do well, and is right where the samples are as good as independent. Doubles: with 2^20 samples a
-/// sum of floats would lose what the last samples add. Always summed in the order of the sample index, hence a
-/// function of the samples alone.
+/// Samples of one pixel in two halves, by the parity of the ones among the index's binary digits. Samples of
+/// a pixel are spread over it by low-discrepancy sequences (core/sobol.h), whose first strata are the index's
+/// last digits: odd and even indices would be the two sides of the pixel, and differ by what is seen there;
+/// these halves are as evenly spread as all samples are. Then the difference overestimates the noise where
+/// the sequences do well, and is right where the samples are as good as independent. Doubles: with 2^20
+/// samples a sum of floats would lose what the last samples add. Always summed in the order of the sample
+/// index, hence a function of the samples alone.
 struct PixelSums {
   Vec3d even{0};
   Vec3d odd{0};
@@ -45,8 +45,9 @@ struct PixelSums {
   }
   Vec3d mean(SampleRange samples) const;
   /// Difference of the two halves' means, scaled so that its square estimates, without bias where samples
-  /// are independent, the variance of `mean`: with a and b samples of variance v each, E[(A - B)^2] = v (1 / a + 1 / b), and the variance of
-  /// the mean is v / (a + b); so the scale is sqrt(a b) / (a + b). 0 where a half is empty.
+  /// are independent, the variance of `mean`: with a and b samples of variance v each, E[(A - B)^2] = v (1 /
+  /// a + 1 / b), and the variance of the mean is v / (a + b); so the scale is sqrt(a b) / (a + b). 0 where a
+  /// half is empty.
   Vec3d standard_error(SampleRange samples) const;
 };
 

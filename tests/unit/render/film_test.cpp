@@ -61,8 +61,8 @@ TEST(Film, HalvesOfARange) {
   }
 }
 
-// An edge through the pixels: the samples are spread evenly over both sides, so the noise falls faster than by
-// the root of the number of samples. Halves that were the two sides themselves would never agree.
+// An edge through the pixels: the samples are spread evenly over both sides, so the noise falls faster than
+// by the root of the number of samples. Halves that were the two sides themselves would never agree.
 TEST(Film, NoiseOfAnEdgeFalls) {
   const auto noise = [](int32_t samples) {
     RenderSettings settings = small_settings(64, 64, samples);
