@@ -53,8 +53,9 @@ void validate(const Record& record) {
     refuse("normal", "0 off surfaces");
   }
   if (!std::isfinite(record.proxy) || record.proxy < 0) refuse("proxy", "finite and not negative");
-  if (record.proxy != 0 && record.component.quantity != Quantity::ratio)
-    refuse("proxy", "0 unless the quantity is the ratio to it");
+  if (record.proxy != 0 && record.component.quantity != Quantity::ratio &&
+      !is_unaware(record.component.quantity))
+    refuse("proxy", "0 unless the quantity is the ratio to it or the rival's");
   if (!(record.visibility_margin > 0)) refuse("visibility_margin", "positive");
   if (record.samples == 0) refuse("samples", "at least 1");
   if (!std::isfinite(record.variance) || record.variance < 0) refuse("variance", "finite and not negative");
