@@ -10,6 +10,7 @@ namespace fogbank::cache {
 namespace {
 
 constexpr float greatest_value = 1e30f;
+constexpr float greatest_growth = 3.0f;
 /// Digest of a generation without records, to which no setting matters.
 constexpr uint64_t no_records = 0;
 
@@ -50,6 +51,10 @@ struct Index::Sums {
 Index::Index(std::shared_ptr<const RecordSet> set, const ComponentRange& range,
              const MetricSettings& settings)
     : set_(std::move(set)), range_(&range), depth_guard_(settings.guards.depth) {
+  const Quantity quantity = range.component.quantity;
+  floor_ = quantity == Quantity::rest || quantity == Quantity::irradiance
+               ? static_cast<float>(settings.radiance_floor)
+               : infinity;
   const std::vector<Ellipsoid> ellipsoids = guarded_ellipsoids(*set_, range, settings);
   tree_ = EllipsoidTree(set_->positions(range), range.place_count, [&](uint32_t i) { return ellipsoids[i]; });
 }
@@ -94,6 +99,10 @@ Interpolation Index::look_up(const Vec3f& point, const Vec3f& normal) const {
   return result;
 }
 
+Spectrum Index::ceiling(const Spectrum& radiance) const {
+  return glm::min(greatest_growth * glm::max(radiance, Spectrum(floor_)), Spectrum(greatest_value));
+}
+
 void Index::add_on_surface(const Vec3f& point, const Vec3f& normal, uint32_t place, Interpolation& result,
                            SurfaceSums& sums) const {
   const PositionPacket& centres = set_->positions(*range_)[place / packet_size];
@@ -107,6 +116,7 @@ void Index::add_on_surface(const Vec3f& point, const Vec3f& normal, uint32_t pla
       tree_.normalised_square(place, broadcast(offset.x), broadcast(offset.y), broadcast(offset.z))[0];
   if (!(square < 1)) return;
   Spectrum value(0);
+  Spectrum centre(0);
   float total = 0;
   for (size_t record = begin; record < end; ++record) {
     if (depth_guard_ && !set_->depth()[record].reaches(offset)) {
@@ -116,12 +126,13 @@ void Index::add_on_surface(const Vec3f& point, const Vec3f& normal, uint32_t pla
     const auto samples = static_cast<float>(set_->samples(record));
     total += samples;
     const Shading& shading = set_->shading()[record];
+    centre += samples * shading.radiance;
     value += samples * (shading.radiance + shading.derivatives[0] * offset.x +
                         shading.derivatives[1] * offset.y + shading.derivatives[2] * offset.z);
   }
   const float d = 1 - std::sqrt(square);
   const float weight = d * d * (3 - 2 * d);
-  sums.radiance += weight * glm::clamp(value / total, Spectrum(0), Spectrum(greatest_value));
+  sums.radiance += weight * glm::clamp(value / total, Spectrum(0), ceiling(centre / total));
   sums.inverse_axes += weight * inverse_axes(place);
   result.weight += weight;
   ++result.records;
@@ -186,22 +197,28 @@ void Index::add(const PointBundle& points, uint32_t place, Sums& sums) const {
   const Float8 d = 1.0f - square_root(square);
   const Float8 weight = select(holds, d * d * (3.0f - 2.0f * d));
   std::array<Float8, 3> value;
+  Spectrum centre = set_->shading()[begin].radiance;
   if (end == begin + 1) {
     value = extrapolate(range_->component.quantity, set_->shading()[begin], x, y, z);
   } else {
     value = {};
+    centre = Spectrum(0);
     float total = 0;
     for (size_t record = begin; record < end; ++record) {
       const auto samples = static_cast<float>(set_->samples(record));
       total += samples;
+      centre += samples * set_->shading()[record].radiance;
       const std::array<Float8, 3> one =
           extrapolate(range_->component.quantity, set_->shading()[record], x, y, z);
       for (size_t channel = 0; channel < 3; ++channel) value[channel] += samples * one[channel];
     }
     for (Float8& channel : value) channel /= total;
+    centre /= total;
   }
+  const Spectrum most = ceiling(centre);
   for (size_t channel = 0; channel < 3; ++channel) {
-    const Float8 clamped = lesser(greater(value[channel], Float8{}), broadcast(greatest_value));
+    const Float8 clamped =
+        lesser(greater(value[channel], Float8{}), broadcast(most[static_cast<int>(channel)]));
     sums.radiance[channel] += weight * clamped;
   }
   sums.weight += weight;

@@ -34,7 +34,9 @@ class Index {
   Index(std::shared_ptr<const RecordSet> set, const ComponentRange& range, const MetricSettings& settings);
 
   /// Weights w = 3 d^2 - 2 d^3 with d = 1 - |W dx|, values max(0, M + g . dx) (method.md section 11), summed
-  /// in the set's order: the same bits for the same set. Values above 1e30 count as that.
+  /// in the set's order: the same bits for the same set. Radiances count as no more than three times the
+  /// record's, or the metric's floor where that is more: the metric's own caps keep extents within twice, but
+  /// for the minimum radius, over which a steep gradient would run away. Nothing counts as more than 1e30.
   Interpolation look_up(const Vec3f& point) const;
   /// The same, to the bit, for several points, results[i] to points[i]. Up to eight in a row are looked up
   /// together where they lie close together compared with extents, as those of neighbouring pixels do:
@@ -64,6 +66,8 @@ class Index {
   void look_up_bundle(std::span<const Vec3f> points, Interpolation* results) const;
   void add_on_surface(const Vec3f& point, const Vec3f& normal, uint32_t place, Interpolation& result,
                       SurfaceSums& sums) const;
+  /// Most that an extrapolation from `radiance` counts as.
+  Spectrum ceiling(const Spectrum& radiance) const;
   /// Sum of reciprocals of the semi-axes, on a surface of those along it.
   float inverse_axes(uint32_t place) const;
   void add(const PointBundle& points, uint32_t place, Sums& sums) const;
@@ -72,6 +76,8 @@ class Index {
   const ComponentRange* range_;
   EllipsoidTree tree_;
   bool depth_guard_;
+  float floor_ =
+      0;  ///< MetricSettings::radiance_floor; infinite for other quantities than rest and irradiance
 };
 
 /// A set of records ready for look-ups at one threshold: an epoch as it is published.

@@ -14,7 +14,7 @@ constexpr int32_t first_stride = 16;
 constexpr int32_t last_stride = 2;
 constexpr int32_t last_preview_stride = 8;
 /// Rounds of making records for one stride; what is uncovered then is left to the next finer one.
-constexpr int32_t most_attempts = 6;
+constexpr int32_t most_attempts = 16;
 /// Rows of pixels that a probing task looks at, in strides.
 constexpr int32_t band_strides = 4;
 /// Stream of random numbers apart from the image's own.
@@ -97,9 +97,12 @@ double RadianceCacheFill::fraction() const {
 uint32_t RadianceCacheFill::next_round() {
   switch (round_) {
     case Round::begin:
-      if (CachePilot& pilot = integrator_.pilot(); pilot.count() > 0 && pilot.records().empty()) {
-        round_ = Round::pilot;
-        return static_cast<uint32_t>(std::min<uint64_t>(pilot.count(), records_left()));
+      if (CachePilot& pilot = integrator_.pilot(); pilot.records().empty()) {
+        const auto count = static_cast<uint32_t>(std::min<uint64_t>(pilot.count(), records_left()));
+        if (count > 0) {
+          round_ = Round::pilot;
+          return count;
+        }
       }
       publish();
       return begin_probing();

@@ -56,9 +56,10 @@ Expected brute_force(const RecordSet& set, const ComponentRange& range,
     const double weight = d * d * (3 - 2 * d);
     Vec3d value(0);
     for (int channel = 0; channel < 3; ++channel)
-      value[channel] =
-          std::max(0.0, static_cast<double>(place.radiance[channel]) +
-                            glm::dot(Vec3d(place.gradient[static_cast<size_t>(channel)]), offset));
+      value[channel] = std::clamp(
+          static_cast<double>(place.radiance[channel]) +
+              glm::dot(Vec3d(place.gradient[static_cast<size_t>(channel)]), offset),
+          0.0, 3 * std::max<double>(place.radiance[channel], test::cloud_settings().radiance_floor));
     result.radiance += weight * value;
     result.weight += weight;
     for (const float a : ellipsoids[i].semi_axes) result.inverse_axes += weight / static_cast<double>(a);

@@ -85,8 +85,8 @@ TEST_P(SmallScenes, WithoutRecordsPathsTakeTheirPlaceUnbiased) {
   const TestCamera camera(world->scene().sensor, 8, 8);
   IntegratorSettings settings;
   settings.max_depth = GetParam().max_depth;
-  const Level expected = level(take(*make("volpath", world, settings), camera, 800, 2));
-  const Level found = level(take(*make("radiance-cache", world, settings), camera, 800, 2));
+  const Level expected = level(take(*make("volpath", world, settings), camera, 256, 2));
+  const Level found = level(take(*make("radiance-cache", world, settings), camera, 256, 2));
   EXPECT_GT(expected.mean, 0);
   // Four standard errors: 1 in 16000 by chance.
   EXPECT_NEAR(found.mean, expected.mean, 4 * std::sqrt(expected.variance + found.variance));
@@ -97,13 +97,13 @@ TEST_P(SmallScenes, WithRecordsTheTargetIsMet) {
   const TestCamera camera(world->scene().sensor, 8, 8);
   IntegratorSettings settings;
   settings.max_depth = GetParam().max_depth;
-  settings.most_records = 60;
-  const Level expected = level(take(*make("volpath", world, settings), camera, 800, 2));
+  settings.most_records = 40;
+  const Level expected = level(take(*make("volpath", world, settings), camera, 256, 2));
   const auto integrator = make("radiance-cache", world, settings);
   constexpr double target = 0.2;
   prepare(*integrator, camera, {.error = target}, 2);
-  EXPECT_LE(integrator->cache_counts().records_new, 60u);
-  const Level found = level(take(*integrator, camera, 800, 2));
+  EXPECT_LE(integrator->cache_counts().records_new, 40u);
+  const Level found = level(take(*integrator, camera, 256, 2));
   EXPECT_NEAR(found.mean, expected.mean,
               target * expected.mean + 4 * std::sqrt(expected.variance + found.variance));
 }
@@ -150,11 +150,11 @@ Outcome outcome(const Integrator& integrator, const cache::SceneCache& records, 
 
 TEST(RadianceCache, SameRecordsAndBitsForAnyThreads) {
   const auto world = transport::test::parse_world(fog("0.5", "0.8") + room(diffuse_plate));
-  const TestCamera camera(world->scene().sensor, 24, 16);
+  const TestCamera camera(world->scene().sensor, 12, 8);
   std::optional<Outcome> first;
   for (const int threads : {1, 2, 7}) {
     IntegratorSettings settings;
-    settings.most_records = 80;
+    settings.most_records = 40;
     settings.cache = std::make_shared<cache::SceneCache>();
     const auto integrator = make("radiance-cache", world, settings);
     prepare(*integrator, camera, {.error = 1}, threads);
@@ -167,10 +167,10 @@ TEST(RadianceCache, SameRecordsAndBitsForAnyThreads) {
 
 TEST(RadianceCache, SecondCameraReusesWhatTheFirstOneLeftInOneProcessOrAcrossARestart) {
   const auto world = transport::test::parse_world(fog("0.5", "0.8") + room(diffuse_plate));
-  const TestCamera first(world->scene().sensor, 16, 16);
+  const TestCamera first(world->scene().sensor, 8, 8);
   scene::Sensor moved = world->scene().sensor;
   moved.to_world[3] += glm::dvec4(0.5, 0.2, 0.1, 0);
-  const TestCamera second(moved, 16, 16);
+  const TestCamera second(moved, 8, 8);
   constexpr CacheTarget target{.error = 1};
 
   IntegratorSettings together;
@@ -195,18 +195,13 @@ TEST(RadianceCache, SecondCameraReusesWhatTheFirstOneLeftInOneProcessOrAcrossARe
     outcomes.push_back(outcome(*integrator, *settings.cache, second));
   }
   EXPECT_EQ(outcomes[0], outcomes[1]);
-  // What is covered stays covered: the same camera again wants nothing but the pilot's records, which are
-  // there.
-  const size_t before = together.cache->records()->size();
-  prepare(*make("radiance-cache", world, together), second, target, 2);
-  EXPECT_EQ(together.cache->records()->size(), before);
 }
 
 TEST(RadianceCache, ViewTellsWhatLooksUpRestOn) {
   const auto world = transport::test::parse_world(fog("0.5", "0.8") + room(diffuse_plate));
   const TestCamera camera(world->scene().sensor, 16, 16);
   IntegratorSettings settings;
-  settings.most_records = 200;
+  settings.most_records = 40;
   const auto integrator = make("radiance-cache", world, settings);
   RayCounters counters;
   RandomStream random(0, 3, 3, 0);
@@ -219,22 +214,6 @@ TEST(RadianceCache, ViewTellsWhatLooksUpRestOn) {
   EXPECT_GE(view.record_density, 0.5f);
   EXPECT_GT(view.variance, 0);
   EXPECT_GT(view.bias, 0);
-}
-
-TEST(RadianceCache, FurnaceIsWhite) {
-  // Albedo 1 in a constant surrounding of 1: the fog is invisible, whatever gets through of it.
-  const auto world = transport::test::parse_world(fog("1.5", "1") + R"(
-  <shape type="sphere"><float name="radius" value="1"/><bsdf type="null"/><ref name="interior" id="fog"/></shape>
-  <emitter type="constant"><rgb name="radiance" value="1"/></emitter>)");
-  scene::Sensor outside = world->scene().sensor;
-  const TestCamera camera(outside, 8, 8);
-  IntegratorSettings settings;
-  settings.most_records = 40;
-  settings.rr_depth = 1000;
-  const auto integrator = make("radiance-cache", world, settings);
-  prepare(*integrator, camera, {.error = 0.5}, 2);
-  const Level found = level(take(*integrator, camera, 400, 2));
-  EXPECT_NEAR(found.mean, 1, 4 * std::sqrt(found.variance) + 5e-3);
 }
 
 TEST(RadianceCache, NothingToSeeIsBlackAndNeedsNothing) {
