@@ -26,7 +26,8 @@ struct RayCounters {
   std::chrono::steady_clock::time_point deadline = std::chrono::steady_clock::time_point::max();
 
   uint64_t total() const { return closest_hit + any_hit; }
-  /// Throws Interrupted when one of them is set or the deadline is over. Called once a path where a computation takes many.
+  /// Throws Interrupted when one of them is set or the deadline is over. Called once a path where a
+  /// computation takes many.
   void poll() const {
     if (stop != nullptr && stop->load(std::memory_order_relaxed)) throw Interrupted();
     if (unwanted != nullptr && unwanted->load(std::memory_order_relaxed)) throw Interrupted();

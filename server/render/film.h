@@ -12,6 +12,17 @@
 
 namespace fogbank::render {
 
+/// Which half of the samples a sample is in. Samples of a pixel are spread by Sobol' sequences
+/// (core/sobol.h), whose first digits are parities of some of the index's binary digits: halves that were
+/// told apart by one of those would be the two sides of the pixel or of a light, and differ for ever. These
+/// are told apart by the first digit of one more dimension (the fourth: polynomial x^3 + x + 1, first numbers
+/// 1, 3, 1; Joe and Kuo 2008), so that from 16 samples on each half is spread well by itself. Numbers that
+/// differ in the last binary digit only are in different halves.
+inline bool is_odd_sample(uint32_t sample) {
+  constexpr uint32_t digits = 0x53u | 0x53u << 7 | 0x53u << 14 | 0x53u << 21 | 0x53u << 28;
+  return std::popcount(sample & digits) % 2 != 0;
+}
+
 /// Sample indices [first, end).
 struct SampleRange {
   uint32_t first = 0;
@@ -23,25 +34,19 @@ struct SampleRange {
   uint32_t odd_count() const { return odd_below(end) - odd_below(first); }
 
  private:
-  /// Two numbers that differ in the last digit only are in different halves.
-  static uint32_t odd_below(uint32_t n) {
-    return n / 2 + (n % 2 == 0 ? 0 : static_cast<uint32_t>(std::popcount(n - 1)) % 2);
-  }
+  static uint32_t odd_below(uint32_t n) { return n / 2 + (n % 2 != 0 && is_odd_sample(n - 1) ? 1 : 0); }
 };
 
-/// Samples of one pixel in two halves, by the parity of the ones among the index's binary digits. Samples of
-/// a pixel are spread over it by low-discrepancy sequences (core/sobol.h), whose first strata are the index's
-/// last digits: odd and even indices would be the two sides of the pixel, and differ by what is seen there;
-/// these halves are as evenly spread as all samples are. Then the difference overestimates the noise where
-/// the sequences do well, and is right where the samples are as good as independent. Doubles: with 2^20
-/// samples a sum of floats would lose what the last samples add. Always summed in the order of the sample
-/// index, hence a function of the samples alone.
+/// Samples of one pixel in two halves. Their difference overestimates the noise where the sequences that the
+/// samples follow do better than independent samples. Doubles: with 2^20 samples a sum of floats would lose
+/// what the last samples add. Always summed in the order of the sample index, hence a function of the samples
+/// alone.
 struct PixelSums {
   Vec3d even{0};
   Vec3d odd{0};
 
   void add(uint32_t sample, const Spectrum& radiance) {
-    (std::popcount(sample) % 2 == 0 ? even : odd) += Vec3d(radiance);
+    (is_odd_sample(sample) ? odd : even) += Vec3d(radiance);
   }
   Vec3d mean(SampleRange samples) const;
   /// Difference of the two halves' means, scaled so that its square estimates, without bias where samples
