@@ -98,7 +98,10 @@ uint32_t RadianceCacheFill::next_round() {
   switch (round_) {
     case Round::begin:
       if (CachePilot& pilot = integrator_.pilot(); pilot.records().empty()) {
-        const auto count = static_cast<uint32_t>(std::min<uint64_t>(pilot.count(), records_left()));
+        // Who only reads looks at how bright the scene is all the same.
+        const bool reads_only = integrator_.settings().most_records == 0;
+        const auto count = static_cast<uint32_t>(
+            reads_only ? pilot.count() : std::min<uint64_t>(pilot.count(), records_left()));
         if (count > 0) {
           round_ = Round::pilot;
           return count;
@@ -107,7 +110,7 @@ uint32_t RadianceCacheFill::next_round() {
       publish();
       return begin_probing();
     case Round::pilot:
-      made_ = integrator_.pilot().records();
+      if (integrator_.settings().most_records > 0) made_ = integrator_.pilot().records();
       publish();
       return begin_probing();
     case Round::probing:
@@ -190,8 +193,10 @@ uint64_t RadianceCacheFill::records_left() const {
 }
 
 void RadianceCacheFill::publish() {
-  const uint64_t made = made_.size();
+  // The pilot's records may be there already.
+  const size_t before = integrator_.cache().records()->size();
   integrator_.cache().add(std::exchange(made_, {}));
+  const uint64_t made = integrator_.cache().records()->size() - before;
   const auto radius = static_cast<double>(integrator_.world()->scene().bounds.radius);
   cache::MetricSettings metric;
   metric.maximum_radius = radius > 0 ? greatest_radius * radius : 1;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "render/progression.h"
 #include "scene/intersector.h"
 
 namespace fogbank::render {
@@ -33,9 +34,7 @@ std::unique_ptr<FillJob::Part> FillJob::begin_part(uint32_t camera) const {
       Part{.camera = FilmCamera(cameras_[camera], settings_.film),
            .integrator = integrators::make_integrator(settings_.integrator, world_, settings),
            .preparation = nullptr});
-  integrators::CacheTarget target;
-  if (settings_.error > 0) target.error = settings_.error;
-  part->preparation = part->integrator->prepare(part->camera, target);
+  part->preparation = part->integrator->prepare(part->camera, {.error = cache_error(settings_)});
   return part;
 }
 

@@ -40,9 +40,11 @@ constexpr double most_growth = 8;
 
 }  // namespace
 
-Progression::Progression(const RenderSettings& settings)
-    : settings_(settings),
-      aim_(settings.error > 0 ? bias_share * settings.error : integrators::CacheTarget{}.error) {}
+double cache_error(const RenderSettings& settings) {
+  return settings.error > 0 ? bias_share * settings.error : integrators::CacheTarget{}.error;
+}
+
+Progression::Progression(const RenderSettings& settings) : settings_(settings), aim_(cache_error(settings)) {}
 
 uint32_t Progression::pass_count() const {
   if (settings_.time_budget_seconds > 0 || settings_.error > 0 || settings_.record_budget > 0) return 0;

@@ -30,6 +30,9 @@ struct Standing {
   double bias = 0;              ///< of the last pass
 };
 
+/// What the cache's stages come down to: its share of the error that is asked for.
+double cache_error(const RenderSettings& settings);
+
 class Progression {
  public:
   explicit Progression(const RenderSettings& settings);

@@ -12,6 +12,7 @@
 #include "integrators/integrator.h"
 #include "render/film_camera.h"
 #include "render/plan_view.h"
+#include "render/progression.h"
 #include "scene/intersector.h"
 #include "service/answers.h"
 #include "service/cache_messages.h"
@@ -35,9 +36,7 @@ std::shared_ptr<const cache::Epoch> publish(const std::shared_ptr<const transpor
   const auto integrator =
       integrators::make_integrator(settings.integrator, world, settings.integrator_settings);
   const render::FilmCamera camera(settings.sensor, settings.film);
-  integrators::CacheTarget target;
-  if (settings.error > 0) target.error = settings.error;
-  const auto preparation = integrator->prepare(camera, target);
+  const auto preparation = integrator->prepare(camera, {.error = render::cache_error(settings)});
   scene::prepare_render_thread();
   while (preparation && !integrator->epoch()) {
     const uint32_t tasks = preparation->next_round();
@@ -139,7 +138,8 @@ class ViewStream final : public grpc::ServerWriteReactor<v1::ViewCacheResponse> 
     render::RenderSettings settings = resolve_settings(request_.settings(), world->scene(), 1).engine;
     if (!uses_cache(settings.integrator))
       refuse_field("settings.integrator", "\"" + settings.integrator + "\" has no cache to view");
-    set_ = caches_.acquire(world->scene().fingerprint)->records();
+    const int32_t max_depth = settings.integrator_settings.max_depth;
+    set_ = caches_.acquire(cache::record_field(world->scene(), max_depth))->records();
     settings.integrator_settings.cache = std::make_shared<cache::SceneCache>(set_);
     epoch_ = publish(world, settings);
     render::PlanRequest plan;

@@ -11,8 +11,8 @@
 #include <string>
 #include <utility>
 
-#include "service/answers.h"
 #include "core/files.h"
+#include "service/answers.h"
 #include "service/limits.h"
 #include "service/temporary_file.h"
 

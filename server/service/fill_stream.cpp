@@ -57,21 +57,22 @@ class FillStream final : public grpc::ServerWriteReactor<v1::FillCacheResponse>,
       if (failure_ || last_written_) return finish(failure_.value_or(grpc::Status::OK));
       if (!workload) return {.state = State::waiting, .retry_at = Clock::time_point::max()};
     }
-    const render::FillProgress progress = workload->job().progress();
-    const Clock::time_point now = Clock::now();
-    if (!progress.ended && now < next_report_) return {.state = State::waiting, .retry_at = next_report_};
-    next_report_ = now + seconds(limits::progress_interval_seconds);
     if (const std::exception_ptr failure = workload->job().failure()) {
       const std::lock_guard lock(mutex_);
       return finish(status_of(failure));
     }
-    render::FillProgress reported = progress;
-    if (progress.ended) reported.epoch = services_.caches.keep_epoch(fingerprint_);
+    const render::FillProgress progress = workload->job().progress();
+    const Clock::time_point now = Clock::now();
     {
       const std::lock_guard lock(mutex_);
-      describe(reported);
+      const bool done = progress.ended && kept_epoch_;
+      if (!done && now < next_report_) return {.state = State::waiting, .retry_at = next_report_};
+      next_report_ = now + seconds(limits::progress_interval_seconds);
+      describe(progress);
+      if (done) response_.set_epoch(*kept_epoch_);
+      response_.set_done(done);
       writing_ = true;
-      last_written_ = progress.ended;
+      last_written_ = done;
       write_start_ = now;
     }
     StartWrite(&response_);
@@ -142,19 +143,32 @@ class FillStream final : public grpc::ServerWriteReactor<v1::FillCacheResponse>,
 
   void begin(const std::shared_ptr<const transport::World>& world) {
     FillSettings settings = resolve_fill(request_, world->scene(), services_.scheduler.threads());
-    fingerprint_ = world->scene().fingerprint;
-    settings.engine.integrator_settings.cache = services_.caches.acquire(fingerprint_);
+    field_ = cache::record_field(world->scene(), settings.engine.integrator_settings.max_depth);
+    settings.engine.integrator_settings.cache = services_.caches.acquire(field_);
     auto workload = std::make_shared<FillWorkload>(
         services_.scheduler,
         std::make_unique<render::FillJob>(world, settings.engine, std::move(settings.cameras)),
         [stream = weak_from_this()] {
-          if (const auto self = stream.lock()) self->services_.pump.ready(self);
+          if (const auto self = stream.lock()) self->save();
         });
     leave_news([&] {
       if (cancelled_ || failure_) return;
       workload->start();
       workload_ = std::move(workload);
     });
+  }
+
+  /// Keeps what was made. Called by a render thread, which is not to wait for the disk.
+  void save() {
+    const bool posted = services_.control.post([self = shared_from_this()] {
+      try {
+        const uint64_t epoch = self->services_.caches.keep_epoch(self->field_);
+        self->leave_news([&] { self->kept_epoch_ = epoch; });
+      } catch (...) {
+        self->leave_failure(std::current_exception());
+      }
+    });
+    if (!posted) leave_failure(std::make_exception_ptr(shutting_down()));
   }
 
   /// With `mutex_` held.
@@ -167,13 +181,13 @@ class FillStream final : public grpc::ServerWriteReactor<v1::FillCacheResponse>,
     response_.set_epoch(progress.epoch);
     response_.set_rays(progress.rays);
     response_.set_elapsed_seconds(progress.seconds);
-    response_.set_done(progress.ended);
-    response_.set_cache(cache_name(fingerprint_));
+    response_.set_cache(cache_name(field_.transport));
   }
 
   /// With `mutex_` held and no write outstanding.
   Step finish(const grpc::Status& status) {
     finished_ = true;
+    workload_ = nullptr;  // and with it the cache, before the client hears of the end
     Finish(status);
     return {.state = State::finished, .retry_at = {}};
   }
@@ -189,12 +203,13 @@ class FillStream final : public grpc::ServerWriteReactor<v1::FillCacheResponse>,
   const v1::FillCacheRequest request_;
   FillServices& services_;
   std::shared_ptr<FillStream> self_;  ///< until OnDone
-  std::string fingerprint_;           ///< set before `workload_`
+  scene::FieldIdentity field_;        ///< set before `workload_`
   v1::FillCacheResponse response_;    ///< of the outstanding write
   Clock::time_point next_report_;     ///< of the pump's thread
 
   std::mutex mutex_;
   std::shared_ptr<FillWorkload> workload_;
+  std::optional<uint64_t> kept_epoch_;
   std::optional<grpc::Status> failure_;
   bool writing_ = false;
   bool cancelled_ = false;

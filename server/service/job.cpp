@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "cache/scene_cache.h"
+#include "cache/store/store.h"
 #include "core/files.h"
 #include "core/sha256.h"
 #include "render/exr.h"
@@ -96,6 +98,8 @@ std::optional<uint64_t> Job::epoch() const {
 void Job::start(std::shared_ptr<const transport::World> world, std::shared_ptr<cache::SceneCache> cache,
                 double load_seconds) {
   std::string fingerprint = world->scene().fingerprint;
+  std::string used_cache;
+  if (cache) used_cache = cache_name(cache::record_field(world->scene(), max_depth()).transport);
   std::shared_ptr<render::RenderJob> render_job;
   try {
     engine_settings_.integrator_settings.cache = std::move(cache);
@@ -108,6 +112,7 @@ void Job::start(std::shared_ptr<const transport::World> world, std::shared_ptr<c
   if (stop_ || has_ended(base_.state())) return;
   render_job_ = std::move(render_job);
   scene_fingerprint_ = std::move(fingerprint);
+  cache_name_ = std::move(used_cache);
   load_seconds_ += load_seconds;
   // Held for as long as tiles may be wanted; the film itself is shared with it.
   kept_tile_source_ = film_tiles(render_job_);
@@ -226,6 +231,8 @@ void Job::finish() {
 }
 
 void Job::store_image(v1::Job& description) {
+  // Records are on the disk before anybody hears that the job made them.
+  if (const auto& cache = engine_settings_.integrator_settings.cache) cache->save();
   // Only this thread touches the film now; render_job_ stays until `end`.
   const render::Image image = render_job_->image();
   const render::Progress progress = render_job_->progress();
@@ -248,7 +255,7 @@ void Job::store_image(v1::Job& description) {
   result.set_invalid_samples(progress.invalid_samples);
   result.set_image_bytes(static_cast<int64_t>(file.size()));
   result.set_image_sha256(sha256(file));
-  if (uses_cache()) result.set_cache(cache_name(scene_fingerprint_));
+  result.set_cache(cache_name_);
   result.set_records_reused(progress.records_reused);
   result.set_records_new(progress.records_new);
   result.set_epoch(progress.epoch);

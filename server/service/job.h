@@ -59,6 +59,7 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   /// What `start` needs: does its integrator use a cache, and as of which epoch; none: the newest.
   bool uses_cache() const;
   std::optional<uint64_t> epoch() const;
+  int32_t max_depth() const { return settings_.max_depth(); }
   /// Gives it its scene and, if it uses one, the cache; tasks can be taken from now on. Nothing happens if it
   /// has ended.
   void start(std::shared_ptr<const transport::World> world, std::shared_ptr<cache::SceneCache> cache,
@@ -128,6 +129,7 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   std::map<uint64_t, std::shared_ptr<const v1::Tile>> encoded_;  ///< by revision, while several watch
   size_t encoded_bytes_ = 0;
   std::string scene_fingerprint_;
+  std::string cache_name_;  ///< empty: it uses none
   std::atomic<bool> stop_ = false;
   std::optional<RpcError> failure_;  ///< why it is stopped
   bool failure_is_cancel_ = false;

@@ -93,7 +93,9 @@ std::shared_ptr<Job> JobTable::make_job(const v1::CreateJobRequest& request, con
     settings.engine.reference =
         load_reference(settings.effective.reference_sha256(), settings.engine.film.crop, blobs_);
   }
-  if (settings.effective.has_epoch()) caches_.at_epoch(scene.fingerprint, settings.effective.epoch());
+  if (settings.effective.has_epoch()) {
+    caches_.at_epoch(cache::record_field(scene, settings.effective.max_depth()), settings.effective.epoch());
+  }
   const std::string id = new_job_id();
   auto job = std::make_shared<Job>(id, request, std::move(settings), settings_.folder / id, services_);
   if (job->film_bytes() > settings_.film_budget_bytes) {
@@ -168,32 +170,33 @@ void JobTable::start(const std::shared_ptr<Job>& job) {
     if (auto paid = load_seconds_.extract(job->id())) load_seconds = paid.mapped();
   }
   try {
-    scenes_.acquire(
-        job->scene_id(), [this, job, load_seconds](const std::shared_ptr<const transport::World>& world,
-                                                   double more_seconds, std::exception_ptr error) {
-          if (error) {
-            job->fail(to_rpc_error(error));
-            return;
-          }
-          try {
-            job->start(world, cache_of(*job, world->scene().fingerprint), load_seconds + more_seconds);
-          } catch (...) {
-            job->fail(to_rpc_error(std::current_exception()));
-            return;
-          }
-          scheduler_.add(job);
-          // Should it have ended before it was added, its end found nothing to remove.
-          if (job->ended()) scheduler_.remove(*job);
-        });
+    scenes_.acquire(job->scene_id(),
+                    [this, job, load_seconds](const std::shared_ptr<const transport::World>& world,
+                                              double more_seconds, std::exception_ptr error) {
+                      if (error) {
+                        job->fail(to_rpc_error(error));
+                        return;
+                      }
+                      try {
+                        job->start(world, cache_of(*job, world->scene()), load_seconds + more_seconds);
+                      } catch (...) {
+                        job->fail(to_rpc_error(std::current_exception()));
+                        return;
+                      }
+                      scheduler_.add(job);
+                      // Should it have ended before it was added, its end found nothing to remove.
+                      if (job->ended()) scheduler_.remove(*job);
+                    });
   } catch (...) {
     job->fail(to_rpc_error(std::current_exception()));
   }
 }
 
-std::shared_ptr<cache::SceneCache> JobTable::cache_of(const Job& job, const std::string& fingerprint) {
+std::shared_ptr<cache::SceneCache> JobTable::cache_of(const Job& job, const scene::Scene& scene) {
   if (!job.uses_cache()) return nullptr;
-  if (const auto epoch = job.epoch()) return caches_.at_epoch(fingerprint, *epoch);
-  return caches_.acquire(fingerprint);
+  const scene::FieldIdentity field = cache::record_field(scene, job.max_depth());
+  if (const auto epoch = job.epoch()) return caches_.at_epoch(field, *epoch);
+  return caches_.acquire(field);
 }
 
 void JobTable::on_ended(const std::shared_ptr<Job>& job) {

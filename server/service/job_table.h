@@ -68,7 +68,7 @@ class JobTable {
 
   void restore();
   std::shared_ptr<Job> make_job(const v1::CreateJobRequest& request, const scene::Scene& scene);
-  std::shared_ptr<cache::SceneCache> cache_of(const Job& job, const std::string& fingerprint);
+  std::shared_ptr<cache::SceneCache> cache_of(const Job& job, const scene::Scene& scene);
   void finish_creation(const v1::CreateJobRequest& request,
                        const std::shared_ptr<const transport::World>& world, double load_seconds,
                        std::exception_ptr error);

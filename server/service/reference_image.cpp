@@ -1,9 +1,9 @@
 #include "service/reference_image.h"
 
 #include "core/error.h"
+#include "core/files.h"
 #include "render/exr_reader.h"
 #include "service/field_errors.h"
-#include "core/files.h"
 #include "service/names.h"
 #include "service/rpc_error.h"
 

@@ -4,6 +4,7 @@
 #include <map>
 #include <set>
 
+#include "cache/store/store.h"
 #include "core/sha256.h"
 #include "scene/loader.h"
 #include "service/limits.h"
@@ -88,7 +89,7 @@ v1::Scene describe(const std::string& id, const scene::Scene& scene) {
   v1::Scene message;
   message.set_name(scene_name(id));
   message.set_radiance_fingerprint(scene.fingerprint);
-  message.set_cache(cache_name(scene.fingerprint));
+  message.set_cache(cache_name(cache::record_field(scene, scene.defaults.max_depth).transport));
   *message.mutable_create_time() = timestamp_now();
   message.set_resident(true);
   v1::SceneStatistics& statistics = *message.mutable_statistics();

@@ -80,8 +80,8 @@ int default_threads() { return static_cast<int>(std::max(1u, std::thread::hardwa
 /// Removes what nobody needs any more, once a minute.
 class Sweeper {
  public:
-  Sweeper(SceneRegistry& scenes, BlobStore& blobs)
-      : thread_([this, &scenes, &blobs] { work(scenes, blobs); }) {}
+  Sweeper(SceneRegistry& scenes, BlobStore& blobs, CacheRegistry& caches)
+      : thread_([this, &scenes, &blobs, &caches] { work(scenes, blobs, caches); }) {}
   ~Sweeper() {
     {
       const std::lock_guard lock(mutex_);
@@ -92,12 +92,13 @@ class Sweeper {
   }
 
  private:
-  void work(SceneRegistry& scenes, BlobStore& blobs) {
+  void work(SceneRegistry& scenes, BlobStore& blobs, CacheRegistry& caches) {
     std::unique_lock lock(mutex_);
     while (!wake_.wait_for(lock, std::chrono::minutes(1), [this] { return stopped_; })) {
       blobs.sweep(scenes.blobs_in_use(),
                   std::chrono::seconds(static_cast<int64_t>(limits::blob_lifetime_seconds)),
                   std::chrono::seconds(static_cast<int64_t>(limits::partial_upload_lifetime_seconds)));
+      caches.keep_within_budget();
     }
   }
 
@@ -135,7 +136,7 @@ struct Server::Parts {
         render_service(jobs, control, files, pump),
         probe_service(scenes, scheduler, control, probe_pump),
         flatland_service(control, scheduler),
-        cache_service(scenes, caches, scheduler, control, files, fill_pump),
+        cache_service(scenes, caches, blobs, scheduler, control, files, fill_pump),
         server_service(scenes, jobs, caches, scheduler, pump, probe_pump, fill_pump, control) {}
 
   FileDescriptor lock;
@@ -200,7 +201,7 @@ Server::Server(const ServerOptions& options) {
     health->SetServingStatus(service, true);
   }
   parts_->target = address.is_network ? address.host + ":" + std::to_string(port) : address.target;
-  parts_->sweeper.emplace(parts_->scenes, parts_->blobs);
+  parts_->sweeper.emplace(parts_->scenes, parts_->blobs, parts_->caches);
 }
 
 Server::~Server() { stop(); }

@@ -9,17 +9,19 @@ import signal
 import subprocess
 import time
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import grpc
 import numpy as np
 import numpy.typing as npt
 import OpenEXR
+from fogbank._generated.v1 import cache_pb2 as cache
 from fogbank._generated.v1 import probe_pb2 as probe
 from fogbank._generated.v1 import render_pb2 as render
 from fogbank._generated.v1 import scene_pb2 as scene
 from fogbank._generated.v1 import server_pb2 as server
+from fogbank._generated.v1.cache_pb2_grpc import CacheServiceStub
 from fogbank._generated.v1.flatland_pb2_grpc import FlatlandServiceStub
 from fogbank._generated.v1.probe_pb2_grpc import ProbeServiceStub
 from fogbank._generated.v1.render_pb2_grpc import RenderServiceStub
@@ -173,6 +175,7 @@ class Server:
         self.scenes = SceneServiceStub(self.channel)
         self.render = RenderServiceStub(self.channel)
         self.probe = ProbeServiceStub(self.channel)
+        self.caches = CacheServiceStub(self.channel)
         self.flatland = FlatlandServiceStub(self.channel)
         self.server = ServerServiceStub(self.channel)
 
@@ -278,6 +281,42 @@ class Server:
             answered += len(result.medium_index)
         assert answered == len(points)
         return results
+
+    def fill(
+        self,
+        name: str,
+        settings: render.RenderSettings | None = None,
+        cameras: Sequence[render.CameraOverride] = (),
+    ) -> cache.FillCacheResponse:
+        """Fills the cache of a scene, checking what it reports; the last report."""
+        last: cache.FillCacheResponse | None = None
+        for report in self.caches.FillCache(cache.FillCacheRequest(scene=name, settings=settings, cameras=cameras)):
+            assert last is None or not last.done, "a report after the last one"
+            assert last is None or report.records_new >= last.records_new
+            assert report.cameras_total == max(1, len(cameras))
+            last = report
+        assert last is not None
+        assert last.done
+        return last
+
+    def export(self, name: str) -> bytes:
+        """A cache as a file, checked against its hash."""
+        data = b""
+        for response in self.caches.ExportCache(cache.ExportCacheRequest(name=name)):
+            assert response.chunk.offset == len(data)
+            data += response.chunk.data
+        assert response.chunk.size == len(data)
+        assert response.chunk.sha256 == sha256(data)
+        return data
+
+    def import_cache(self, data: bytes, name: str = "") -> cache.ImportCacheResponse:
+        """Uploads and imports an exported file."""
+        return self.caches.ImportCache(cache.ImportCacheRequest(sha256=self.upload(data), cache=name))
+
+    def merge(self, *files: bytes) -> bytes:
+        """The union of exported files."""
+        request = cache.MergeCachesRequest(sha256s=[self.upload(data) for data in files])
+        return b"".join(response.chunk.data for response in self.caches.MergeCaches(request))
 
     def cpu_seconds(self) -> float:
         """CPU time of the process so far."""
