@@ -19,7 +19,16 @@ constexpr int32_t most_attempts = 16;
 constexpr int32_t band_strides = 4;
 /// Stream of random numbers apart from the image's own.
 constexpr uint32_t probe_stream = 1;
-constexpr int32_t record_samples = 256;
+/// Directions of records that trace paths: they are looked up by thousands of gathers, which averages noise.
+constexpr int32_t traced_samples = 64;
+/// Of records that read others.
+constexpr int32_t gathered_samples = 256;
+/// Places that are looked for per record, to see where sources are missing.
+constexpr int32_t source_probes = 32;
+/// Error that sources are made for: gathers average theirs over all directions.
+constexpr double source_error = 0.3;
+/// Below this path length what a record reads would have to know how long its paths may be.
+constexpr int32_t least_depth_of_generations = 6;
 /// Spacing of a round's records, in radii that they are thought to have: spheres of that radius cover what
 /// lies within the spacing with a weight of 0.05 at least.
 constexpr float spacing_share = 0.85f;
@@ -84,10 +93,18 @@ class UncoveredPlaces final : public LookUpObserver {
 RadianceCacheFill::RadianceCacheFill(RadianceCacheIntegrator& integrator, const CameraRays& camera,
                                      const CacheTarget& target)
     : integrator_(integrator), camera_(camera), target_(target), stride_(first_stride) {
+  const int32_t max_depth = integrator.settings().max_depth;
   for (const cache::Quantity quantity : {cache::Quantity::rest, cache::Quantity::irradiance})
-    makers_[quantity] =
-        cache::make_record_maker(quantity, integrator.world(),
-                                 {.samples = record_samples, .max_depth = integrator.settings().max_depth});
+    for (const bool reads : {false, true})
+      makers_[{quantity, reads}] = cache::make_record_maker(
+          quantity, integrator.world(),
+          {.samples = reads ? gathered_samples : traced_samples, .max_depth = max_depth});
+  const bool few_events = max_depth >= 0 && max_depth < least_depth_of_generations;
+  generation_ = target.preview || few_events ? 0 : 1;
+}
+
+const cache::RecordMaker& RadianceCacheFill::maker(const cache::Component& component) const {
+  return *makers_.at({component.quantity, component.scattering_order > 0});
 }
 
 double RadianceCacheFill::fraction() const {
@@ -116,8 +133,9 @@ uint32_t RadianceCacheFill::next_round() {
     case Round::probing:
       grant_wishes();
       if (!granted_.empty() && ++attempts_ <= most_attempts) {
-        round_ = Round::making;
-        made_.assign(granted_.size(), {});
+        if (generation_ == 0) return begin_making(Round::making, granted_);
+        round_ = Round::finding_sources;
+        found_.assign(granted_.size(), {});
         return static_cast<uint32_t>(granted_.size());
       }
       attempts_ = 0;
@@ -127,6 +145,13 @@ uint32_t RadianceCacheFill::next_round() {
       }
       stride_ /= 2;
       return begin_probing();
+    case Round::finding_sources:
+      grant_sources();
+      if (!granted_sources_.empty()) return begin_making(Round::making_sources, granted_sources_);
+      return begin_making(Round::making, granted_);
+    case Round::making_sources:
+      publish();
+      return begin_making(Round::making, granted_);
     case Round::making:
       publish();
       return begin_probing();
@@ -134,6 +159,12 @@ uint32_t RadianceCacheFill::next_round() {
       break;
   }
   return 0;
+}
+
+uint32_t RadianceCacheFill::begin_making(Round round, const std::vector<cache::Wish>& wishes) {
+  round_ = round;
+  made_.assign(wishes.size(), {});
+  return static_cast<uint32_t>(wishes.size());
 }
 
 uint32_t RadianceCacheFill::begin_probing() {
@@ -148,13 +179,19 @@ void RadianceCacheFill::run(uint32_t task, RayCounters& counters) {
   scene::prepare_render_thread();
   switch (round_) {
     case Round::pilot:
-      integrator_.pilot().make(task, *makers_.at(cache::Quantity::rest), counters);
+      integrator_.pilot().make(task, maker({}), counters);
       break;
     case Round::probing:
       probe(task, counters);
       break;
+    case Round::finding_sources:
+      find_sources(task, counters);
+      break;
+    case Round::making_sources:
+      made_[task] = maker(granted_sources_[task].component).make(granted_sources_[task], nullptr, counters);
+      break;
     case Round::making:
-      made_[task] = makers_.at(granted_[task].component.quantity)->make(granted_[task], nullptr, counters);
+      made_[task] = maker(granted_[task].component).make(granted_[task], sources_.get(), counters);
       break;
     case Round::begin:
     case Round::done:
@@ -187,6 +224,29 @@ void RadianceCacheFill::grant_wishes() {
   for (const uint32_t i : cache::thin(all, 0, records_left())) granted_.push_back(all[i].wish);
 }
 
+void RadianceCacheFill::find_sources(uint32_t number, RayCounters& counters) {
+  const cache::Wish& wish = granted_[number];
+  std::vector<cache::SpacedWish> missing;
+  for (const cache::Wish& source : maker(wish.component).sources_of(wish, source_probes, counters)) {
+    const cache::Index* index = sources_->find(source.component);
+    const bool on_surface = source.component.quantity == cache::Quantity::irradiance;
+    const float weight = index == nullptr ? 0
+                         : on_surface     ? index->look_up(source.position, source.normal).weight
+                                          : index->look_up(source.position).weight;
+    if (weight < least_weight) missing.push_back({source, spacing_share * sources_radius_});
+  }
+  found_[number] = std::move(missing);
+}
+
+void RadianceCacheFill::grant_sources() {
+  std::vector<cache::SpacedWish> all;
+  for (std::vector<cache::SpacedWish>& found : found_) std::ranges::move(found, std::back_inserter(all));
+  granted_sources_.clear();
+  const uint64_t left = records_left();
+  const uint64_t most = left - std::min<uint64_t>(left, granted_.size());
+  for (const uint32_t i : cache::thin(all, 0, most)) granted_sources_.push_back(all[i].wish);
+}
+
 uint64_t RadianceCacheFill::records_left() const {
   const auto most = static_cast<uint64_t>(integrator_.settings().most_records);
   return most - std::min(most, integrator_.cache_counts().records_new);
@@ -196,20 +256,36 @@ void RadianceCacheFill::publish() {
   // The pilot's records may be there already.
   const size_t before = integrator_.cache().records()->size();
   integrator_.cache().add(std::exchange(made_, {}));
-  const uint64_t made = integrator_.cache().records()->size() - before;
+  const std::shared_ptr<const cache::RecordSet> records = integrator_.cache().records();
+  const uint64_t made = records->size() - before;
+  const PilotedMetric piloted = pilot_metric(target_.error);
+  cache::MetricSettings metric = metric_of(piloted);
+  metric.footprints = {{camera_.position(), camera_.pixel_angle()}};
+  integrator_.publish(
+      {std::make_shared<const cache::Epoch>(records, metric), generation_, piloted.typical_radius}, made);
+  if (generation_ == 0) return;
+  const PilotedMetric of_sources = pilot_metric(source_error);
+  sources_ = std::make_shared<const cache::Epoch>(records, metric_of(of_sources));
+  sources_radius_ = of_sources.typical_radius;
+}
+
+PilotedMetric RadianceCacheFill::pilot_metric(double error) const {
+  return integrator_.pilot().metric(border_error_per_error * error, greatest_radius * scene_radius());
+}
+
+double RadianceCacheFill::scene_radius() const {
   const auto radius = static_cast<double>(integrator_.world()->scene().bounds.radius);
+  return radius > 0 ? radius : 1 / greatest_radius;
+}
+
+cache::MetricSettings RadianceCacheFill::metric_of(const PilotedMetric& piloted) const {
   cache::MetricSettings metric;
-  metric.maximum_radius = radius > 0 ? greatest_radius * radius : 1;
-  const PilotedMetric piloted =
-      integrator_.pilot().metric(border_error_per_error * target_.error, metric.maximum_radius);
+  metric.maximum_radius = greatest_radius * scene_radius();
   metric.threshold = piloted.threshold;
   metric.radiance_floor = piloted.radiance_floor;
-  metric.minimum_radius = least_radius * radius;
+  metric.minimum_radius = least_radius * scene_radius();
   metric.shape = integrator_.settings().spheres ? cache::Shape::sphere : cache::Shape::ellipsoid;
-  metric.footprints = {{camera_.position(), camera_.pixel_angle()}};
-  integrator_.publish({std::make_shared<const cache::Epoch>(integrator_.cache().records(), metric), 0,
-                       piloted.typical_radius},
-                      made);
+  return metric;
 }
 
 }  // namespace fogbank::integrators

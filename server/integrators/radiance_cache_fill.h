@@ -21,25 +21,39 @@ class RadianceCacheFill final : public Preparation {
 
  private:
   /// Pilot once a job; then, stride after stride of pixels, probing and making until nothing is uncovered.
-  enum class Round : uint8_t { begin, pilot, probing, making, done };
+  /// What records of a later generation read is made before them, where it isn't there.
+  enum class Round : uint8_t { begin, pilot, probing, finding_sources, making_sources, making, done };
 
   uint32_t begin_probing();
+  uint32_t begin_making(Round round, const std::vector<cache::Wish>& wishes);
   /// Camera rays through a band of pixels, `stride_` apart.
   void probe(uint32_t band, RayCounters& counters);
   void grant_wishes();
+  /// Places that the granted wish `number` reads and no record of the generation before reaches.
+  void find_sources(uint32_t number, RayCounters& counters);
+  void grant_sources();
+  const cache::RecordMaker& maker(const cache::Component& component) const;
   uint64_t records_left() const;  ///< that the job may still make
   void publish();
+  PilotedMetric pilot_metric(double error) const;
+  double scene_radius() const;  ///< > 0
+  cache::MetricSettings metric_of(const PilotedMetric& piloted) const;
 
   RadianceCacheIntegrator& integrator_;
   const CameraRays& camera_;
   CacheTarget target_;
-  std::map<cache::Quantity, std::unique_ptr<const cache::RecordMaker>> makers_;
+  std::map<std::pair<cache::Quantity, bool>, std::unique_ptr<const cache::RecordMaker>>
+      makers_;                                   ///< by quantity and whether they read records
+  uint8_t generation_ = 0;                       ///< that the camera is to see
+  std::shared_ptr<const cache::Epoch> sources_;  ///< with the extents that are good enough for sources
+  float sources_radius_ = 0;                     ///< typical
   Round round_ = Round::begin;
   int32_t stride_ = 0;
   int32_t attempts_ = 0;                               ///< rounds of making at this stride
   std::vector<std::vector<cache::SpacedWish>> found_;  ///< by band
   std::vector<cache::Wish> granted_;
-  std::vector<cache::Record> made_;  ///< one for each of granted_
+  std::vector<cache::Wish> granted_sources_;
+  std::vector<cache::Record> made_;  ///< one for each of granted_, or of granted_sources_
 };
 
 }  // namespace fogbank::integrators
