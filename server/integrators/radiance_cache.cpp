@@ -71,14 +71,16 @@ struct RadianceCacheIntegrator::Walk {
 };
 
 RadianceCacheIntegrator::RadianceCacheIntegrator(std::shared_ptr<const transport::World> world,
-                                                 const IntegratorSettings& settings)
+                                                 const IntegratorSettings& settings,
+                                                 const CacheTechnique& technique)
     : world_(std::move(world)),
       settings_(settings),
+      technique_(technique),
       kernel_(world_, {settings.max_depth, settings.rr_depth, settings.hide_emitters}),
       single_scattering_(world_),
       cache_(settings.cache ? settings.cache : std::make_shared<cache::SceneCache>()),
       records_at_start_(cache_->records()->size()),
-      pilot_(world_) {}
+      pilot_(world_, technique.rest) {}
 
 void RadianceCacheIntegrator::publish(PublishedCache published, uint64_t records_new) {
   published_ = std::move(published);
@@ -89,8 +91,8 @@ bool RadianceCacheIntegrator::is_cached(const MediumInfo& medium) {
   return medium.phase.is_isotropic() && !is_black(medium.sigma_s);
 }
 
-cache::Component RadianceCacheIntegrator::medium_component(const Walk& walk) const {
-  return {walk.medium, 0, published_.generation, cache::Quantity::rest};
+cache::Component RadianceCacheIntegrator::medium_component(const Walk& walk, cache::Quantity quantity) const {
+  return {walk.medium, 0, published_.generation, quantity};
 }
 
 const cache::Index* RadianceCacheIntegrator::find(const cache::Component& component) const {
@@ -141,40 +143,58 @@ Spectrum RadianceCacheIntegrator::scattered_path(const Walk& walk, const MediumI
                                    random, counters, &hit);
 }
 
+Spectrum RadianceCacheIntegrator::uncached_light(const Walk& walk, const MediumInfo& medium,
+                                                 cache::Quantity quantity, const Vec3f& position,
+                                                 const Vec3f& direction, RandomStream& random,
+                                                 RayCounters& counters) const {
+  if (quantity != technique_.direct)
+    return scattered_path(walk, medium, position, direction, random, counters);
+  return transport::mean_direct_light(*world_, position, walk.medium, EmissionFoundBy::light_sampling, random,
+                                      counters);
+}
+
 PixelSample RadianceCacheIntegrator::from_medium(const Walk& walk, const MediumSegment& segment,
                                                  RandomStream& random, RayCounters& counters) const {
   const MediumInfo& medium = *segment.medium;
   PixelSample sum;
-  if (walk.observer == nullptr)
+  if (technique_.direct && is_cached(medium) && walk.straight)
+    sum = from_cache(walk, segment, *technique_.direct, random, counters);
+  else if (walk.observer == nullptr)
     sum = single_scattering_.sample(segment, walk.medium, published_.epoch.get(), random, counters);
   // One scattering event more than for direct light.
   if (settings_.max_depth >= 0 && walk.depth + 2 >= settings_.max_depth) return sum;
   if (!is_cached(medium)) {
-    if (walk.observer == nullptr) sum.sampled += from_beyond(walk, segment, 0, 0, random, counters);
+    if (walk.observer == nullptr)
+      sum.sampled += from_beyond(walk, segment, technique_.rest, 0, 0, random, counters);
     return sum;
   }
-  if (!walk.straight) {
-    const PixelSample more = from_random_place(walk, segment, random, counters);
-    sum.sampled += more.sampled;
-    sum.cached += more.cached;
-    return sum;
-  }
+  const PixelSample more = walk.straight ? from_cache(walk, segment, technique_.rest, random, counters)
+                                         : from_random_place(walk, segment, random, counters);
+  sum.sampled += more.sampled;
+  sum.cached += more.cached;
+  return sum;
+}
+
+PixelSample RadianceCacheIntegrator::from_cache(const Walk& walk, const MediumSegment& segment,
+                                                cache::Quantity quantity, RandomStream& random,
+                                                RayCounters& counters) const {
+  PixelSample sum;
   const auto [first, last] = inside_ball(segment, world_->scene().bounds, domain_scale);
   const float widest_step = published_.typical_radius > 0 ? published_.typical_radius : 1e30f;
-  const CameraMarch march(segment, first, last, find(medium_component(walk)), widest_step);
+  const CameraMarch march(segment, first, last, find(medium_component(walk, quantity)), widest_step);
   if (walk.observer != nullptr) {
-    report(walk, segment, march);
+    report(walk, segment, quantity, march);
   } else {
-    sum.cached += from_records(walk, segment, march, random, counters);
+    sum.cached += from_records(walk, segment, quantity, march, random, counters);
     if (first > 0 || last < segment.length)
-      sum.sampled += from_beyond(walk, segment, first, last, random, counters);
+      sum.sampled += from_beyond(walk, segment, quantity, first, last, random, counters);
   }
   return sum;
 }
 
 Spectrum RadianceCacheIntegrator::from_records(const Walk& walk, const MediumSegment& segment,
-                                               const CameraMarch& march, RandomStream& random,
-                                               RayCounters& counters) const {
+                                               cache::Quantity quantity, const CameraMarch& march,
+                                               RandomStream& random, RayCounters& counters) const {
   Spectrum sum(0);
   float uncovered = 0;
   for (const MarchNode& node : march.nodes()) {
@@ -195,8 +215,9 @@ Spectrum RadianceCacheIntegrator::from_records(const Walk& walk, const MediumSeg
   const float probability = mean(march.nodes()[chosen].weight) / uncovered;
   const MarchSample place = march.sample_around(chosen, random);
   return sum + place.weight / probability *
-                   scattered_path(walk, *segment.medium, segment.origin + segment.direction * place.t,
-                                  segment.direction, random, counters);
+                   uncached_light(walk, *segment.medium, quantity,
+                                  segment.origin + segment.direction * place.t, segment.direction, random,
+                                  counters);
 }
 
 PixelSample RadianceCacheIntegrator::from_random_place(const Walk& walk, const MediumSegment& segment,
@@ -204,15 +225,16 @@ PixelSample RadianceCacheIntegrator::from_random_place(const Walk& walk, const M
   const MarchSample place = sample_distance(segment, 0, segment.length, random);
   if (is_black(place.weight)) return {};
   const Vec3f position = segment.origin + segment.direction * place.t;
-  const cache::Index* index = find(medium_component(walk));
+  const cache::Index* index = find(medium_component(walk, technique_.rest));
   const cache::Interpolation found = index != nullptr ? index->look_up(position) : cache::Interpolation{};
   if (found.weight > 0) return {.cached = place.weight * found.radiance};
   return {.cached = place.weight *
                     scattered_path(walk, *segment.medium, position, segment.direction, random, counters)};
 }
 
-Spectrum RadianceCacheIntegrator::from_beyond(const Walk& walk, const MediumSegment& segment, float first,
-                                              float last, RandomStream& random, RayCounters& counters) const {
+Spectrum RadianceCacheIntegrator::from_beyond(const Walk& walk, const MediumSegment& segment,
+                                              cache::Quantity quantity, float first, float last,
+                                              RandomStream& random, RayCounters& counters) const {
   const float sigma = segment.medium->mean_sigma_t;
   const auto through = [&](float t) { return std::exp(-sigma * t); };  // of infinity: 0
   const float before = 1 - through(first);
@@ -224,11 +246,11 @@ Spectrum RadianceCacheIntegrator::from_beyond(const Walk& walk, const MediumSegm
   const float probability = (is_before ? before : share - before) / share;
   if (is_black(place.weight)) return Spectrum(0);
   return place.weight / probability *
-         scattered_path(walk, *segment.medium, segment.origin + segment.direction * place.t,
+         uncached_light(walk, *segment.medium, quantity, segment.origin + segment.direction * place.t,
                         segment.direction, random, counters);
 }
 
-void RadianceCacheIntegrator::report(const Walk& walk, const MediumSegment& segment,
+void RadianceCacheIntegrator::report(const Walk& walk, const MediumSegment& segment, cache::Quantity quantity,
                                      const CameraMarch& march) const {
   const std::span<const MarchNode> nodes = march.nodes();
   // Least sum of a record's radius and the way to it, from either side.
@@ -247,7 +269,7 @@ void RadianceCacheIntegrator::report(const Walk& walk, const MediumSegment& segm
     step(i, i + 1 < nodes.size() ? i + 1 : i);
     reach[i] = std::fmin(reach[i], least);
   }
-  const cache::Component component = medium_component(walk);
+  const cache::Component component = medium_component(walk, quantity);
   for (size_t i = 0; i < nodes.size(); ++i)
     walk.observer->look_up({{segment.origin + segment.direction * nodes[i].t, Vec3f(0), component},
                             nodes[i].found,

@@ -2,6 +2,8 @@
 // or scattered on its way comes from records with derivatives that see occlusion.
 #pragma once
 
+#include <optional>
+
 #include "cache/index.h"
 #include "cache/record_maker.h"
 #include "cache/scene_cache.h"
@@ -21,9 +23,23 @@ struct PublishedCache {
   float typical_radius = 0;  ///< of extents at the epoch's threshold, > 0: the step where no record reaches
 };
 
+/// Which records a picture's fog is made of.
+struct CacheTechnique {
+  cache::Quantity rest = cache::Quantity::rest;
+  /// Of single scattering; nothing: SingleScatteringTerm finds it.
+  std::optional<cache::Quantity> direct;
+};
+
+/// Derivatives see occlusion; single scattering has techniques of its own.
+inline constexpr CacheTechnique aware_technique{};
+/// The rival, after Jarosz et al. 2008: single scattering is cached as well.
+inline constexpr CacheTechnique unaware_technique{cache::Quantity::unaware_rest,
+                                                  cache::Quantity::unaware_direct};
+
 class RadianceCacheIntegrator final : public Integrator {
  public:
-  RadianceCacheIntegrator(std::shared_ptr<const transport::World> world, const IntegratorSettings& settings);
+  RadianceCacheIntegrator(std::shared_ptr<const transport::World> world, const IntegratorSettings& settings,
+                          const CacheTechnique& technique = aware_technique);
 
   /// Against the epoch that the preparation published. Where no record reaches, a path takes its place.
   PixelSample sample(const Ray& ray, RandomStream& random, RayCounters& counters) const override;
@@ -38,6 +54,7 @@ class RadianceCacheIntegrator final : public Integrator {
 
   std::shared_ptr<const transport::World> world() const { return world_; }
   const IntegratorSettings& settings() const { return settings_; }
+  const CacheTechnique& technique() const { return technique_; }
   cache::SceneCache& cache() { return *cache_; }
   CachePilot& pilot() { return pilot_; }
   const PublishedCache& published() const { return published_; }
@@ -54,16 +71,24 @@ class RadianceCacheIntegrator final : public Integrator {
                         LookUpObserver* observer) const;
   PixelSample from_medium(const Walk& walk, const transport::MediumSegment& segment, RandomStream& random,
                           RayCounters& counters) const;
-  /// Light scattered more than once, in the part of the segment that lies about the scene.
-  Spectrum from_records(const Walk& walk, const transport::MediumSegment& segment, const CameraMarch& march,
-                        RandomStream& random, RayCounters& counters) const;
-  /// The same at one random place: where a segment's direction is random already.
+  /// Light of one quantity that the segment scatters, from records as far as the scene goes.
+  PixelSample from_cache(const Walk& walk, const transport::MediumSegment& segment, cache::Quantity quantity,
+                         RandomStream& random, RayCounters& counters) const;
+  /// The part of it about the scene.
+  Spectrum from_records(const Walk& walk, const transport::MediumSegment& segment, cache::Quantity quantity,
+                        const CameraMarch& march, RandomStream& random, RayCounters& counters) const;
+  /// Light scattered more than once, at one random place: where a segment's direction is random already.
   PixelSample from_random_place(const Walk& walk, const transport::MediumSegment& segment,
                                 RandomStream& random, RayCounters& counters) const;
-  /// The same outside [first, last], by paths.
-  Spectrum from_beyond(const Walk& walk, const transport::MediumSegment& segment, float first, float last,
-                       RandomStream& random, RayCounters& counters) const;
-  void report(const Walk& walk, const transport::MediumSegment& segment, const CameraMarch& march) const;
+  /// Light of one quantity that the segment scatters outside [first, last], sampled.
+  Spectrum from_beyond(const Walk& walk, const transport::MediumSegment& segment, cache::Quantity quantity,
+                       float first, float last, RandomStream& random, RayCounters& counters) const;
+  void report(const Walk& walk, const transport::MediumSegment& segment, cache::Quantity quantity,
+              const CameraMarch& march) const;
+  /// What a record of the quantity would say at a place, sampled; per sigma_s, scattered against `direction`.
+  Spectrum uncached_light(const Walk& walk, const transport::MediumInfo& medium, cache::Quantity quantity,
+                          const Vec3f& position, const Vec3f& direction, RandomStream& random,
+                          RayCounters& counters) const;
   /// Light that comes to `position` by at least one more scattering event and is scattered against
   /// `direction`, per sigma_s: one path.
   Spectrum scattered_path(const Walk& walk, const transport::MediumInfo& medium, const Vec3f& position,
@@ -79,11 +104,12 @@ class RadianceCacheIntegrator final : public Integrator {
              const transport::ShadingPoint& point, const Vec3f& wo, RandomStream& random) const;
   Spectrum emission(const Walk& walk, const scene::SurfaceInteraction* surface) const;
   bool may_scatter(const Walk& walk) const;
-  cache::Component medium_component(const Walk& walk) const;
+  cache::Component medium_component(const Walk& walk, cache::Quantity quantity) const;
   const cache::Index* find(const cache::Component& component) const;
 
   std::shared_ptr<const transport::World> world_;
   IntegratorSettings settings_;
+  CacheTechnique technique_;
   transport::PathTracer kernel_;
   SingleScatteringTerm single_scattering_;
   std::shared_ptr<cache::SceneCache> cache_;

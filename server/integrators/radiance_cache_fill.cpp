@@ -93,14 +93,18 @@ class UncoveredPlaces final : public LookUpObserver {
 RadianceCacheFill::RadianceCacheFill(RadianceCacheIntegrator& integrator, const CameraRays& camera,
                                      const CacheTarget& target)
     : integrator_(integrator), camera_(camera), target_(target), stride_(first_stride) {
+  const CacheTechnique& technique = integrator.technique();
+  std::vector<cache::Quantity> quantities{technique.rest, cache::Quantity::irradiance};
+  if (technique.direct) quantities.push_back(*technique.direct);
   const int32_t max_depth = integrator.settings().max_depth;
-  for (const cache::Quantity quantity : {cache::Quantity::rest, cache::Quantity::irradiance})
+  for (const cache::Quantity quantity : quantities)
     for (const bool reads : {false, true})
       makers_[{quantity, reads}] = cache::make_record_maker(
           quantity, integrator.world(),
           {.samples = reads ? gathered_samples : traced_samples, .max_depth = max_depth});
   const bool few_events = max_depth >= 0 && max_depth < least_depth_of_generations;
-  generation_ = target.preview || few_events ? 0 : 1;
+  const bool read_others = technique.rest == cache::Quantity::rest;
+  generation_ = target.preview || few_events || !read_others ? 0 : 1;
 }
 
 const cache::RecordMaker& RadianceCacheFill::maker(const cache::Component& component) const {
@@ -179,7 +183,7 @@ void RadianceCacheFill::run(uint32_t task, RayCounters& counters) {
   scene::prepare_render_thread();
   switch (round_) {
     case Round::pilot:
-      integrator_.pilot().make(task, maker({}), counters);
+      integrator_.pilot().make(task, maker({.quantity = integrator_.technique().rest}), counters);
       break;
     case Round::probing:
       probe(task, counters);
@@ -282,6 +286,7 @@ cache::MetricSettings RadianceCacheFill::metric_of(const PilotedMetric& piloted)
   cache::MetricSettings metric;
   metric.maximum_radius = greatest_radius * scene_radius();
   metric.threshold = piloted.threshold;
+  metric.first_order_change = piloted.first_order_change;
   metric.radiance_floor = piloted.radiance_floor;
   metric.minimum_radius = least_radius * scene_radius();
   metric.shape = integrator_.settings().spheres ? cache::Shape::sphere : cache::Shape::ellipsoid;

@@ -22,9 +22,26 @@ constexpr double floor_share = 0.05;
 constexpr double default_share = 0.4;
 constexpr double least_radiance = 1e-30;
 
+/// Mean of the absolute eigenvalues of the Hessian; for the rival, which has none, that of an exponential
+/// with the record's length of change.
+double mean_curvature(const cache::Record& record) {
+  if (cache::is_unaware(record.component.quantity)) {
+    const auto length = static_cast<double>(record.proxy);
+    return static_cast<double>(luminance(record.radiance)) / (length * length);
+  }
+  Symmetric3d hessian;
+  for (size_t i = 0; i < hessian.entries.size(); ++i)
+    hessian.entries[i] = static_cast<double>(record.hessian.entries[i]);
+  const cache::Eigensystem<3> system = cache::eigen_decomposition(hessian);
+  double sum = 0;
+  for (const double value : system.values) sum += std::fabs(value);
+  return sum / 3;
+}
+
 }  // namespace
 
-CachePilot::CachePilot(std::shared_ptr<const transport::World> world) : world_(std::move(world)) {
+CachePilot::CachePilot(std::shared_ptr<const transport::World> world, cache::Quantity quantity)
+    : world_(std::move(world)), quantity_(quantity) {
   for (size_t medium = 0; medium < world_->scene().media.size(); ++medium)
     if (media_.size() < most_media &&
         RadianceCacheIntegrator::is_cached(world_->medium(static_cast<int32_t>(medium))))
@@ -51,7 +68,7 @@ std::optional<Vec3f> CachePilot::place(uint32_t number) const {
 void CachePilot::make(uint32_t number, const cache::RecordMaker& maker, RayCounters& counters) {
   const std::optional<Vec3f> position = place(number);
   if (!position) return;
-  const cache::Component component{media_[number / places_per_medium], 0, 0, cache::Quantity::rest};
+  const cache::Component component{media_[number / places_per_medium], 0, 0, quantity_};
   records_[number] = maker.make({*position, Vec3f(0), component}, nullptr, counters);
 }
 
@@ -70,16 +87,14 @@ PilotedMetric CachePilot::metric(double border_error, double maximum_radius) con
   mean /= static_cast<double>(std::max<size_t>(pilot.size(), 1));
   result.radiance_floor = std::max(floor_share * mean, least_radiance);
 
+  // Where linear extrapolation errs by that in a field exp(r / length of change), the radiance has changed by
+  // so much.
+  result.first_order_change = std::sqrt(2 * border_error);
   // Of a ball of radius R in a field of three equal curvatures lambda the error integral is 2 pi / 5 lambda
   // R^5, that at its border lambda R^2 / 2 (method.md section 10.1).
   double logarithms = 0;
   for (const cache::Record& record : pilot) {
-    Symmetric3d hessian;
-    for (size_t i = 0; i < hessian.entries.size(); ++i)
-      hessian.entries[i] = static_cast<double>(record.hessian.entries[i]);
-    const cache::Eigensystem<3> system = cache::eigen_decomposition(hessian);
-    double curvature = 0;
-    for (const double value : system.values) curvature += std::fabs(value) / 3;
+    const double curvature = mean_curvature(record);
     const double radiance = std::max(static_cast<double>(luminance(record.radiance)), result.radiance_floor);
     logarithms += std::log(std::clamp(std::sqrt(2 * border_error * radiance / curvature),
                                       1e-3 * maximum_radius, maximum_radius));

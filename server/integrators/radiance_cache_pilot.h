@@ -14,15 +14,16 @@ namespace fogbank::integrators {
 
 /// Error metric at a target, and how large its extents are.
 struct PilotedMetric {
-  double threshold = 0;       ///< MetricSettings::threshold
-  double radiance_floor = 0;  ///< MetricSettings::radiance_floor
-  float typical_radius = 0;   ///< > 0
+  double threshold = 0;           ///< MetricSettings::threshold
+  double first_order_change = 0;  ///< MetricSettings::first_order_change
+  double radiance_floor = 0;      ///< MetricSettings::radiance_floor
+  float typical_radius = 0;       ///< > 0
 };
 
 class CachePilot {
  public:
   /// Of all media of the world that hold records.
-  explicit CachePilot(std::shared_ptr<const transport::World> world);
+  CachePilot(std::shared_ptr<const transport::World> world, cache::Quantity quantity);
 
   /// Places, tasks of `make`.
   uint32_t count() const { return static_cast<uint32_t>(records_.size()); }
@@ -38,6 +39,7 @@ class CachePilot {
   std::optional<Vec3f> place(uint32_t number) const;
 
   std::shared_ptr<const transport::World> world_;
+  cache::Quantity quantity_;
   std::vector<int32_t> media_;
   std::vector<std::optional<cache::Record>> records_;
 };
