@@ -34,6 +34,27 @@ std::optional<LambertianHit> lambertian(const transport::World& world, const der
       {hit.surface.position, wo.z < 0 ? -normal : normal, {hit.medium, 0, generation, Quantity::irradiance}}};
 }
 
+std::vector<Wish> places_along(const transport::World& world, const Vec3f& origin,
+                               std::span<const derivatives::MediumRay> rays,
+                               std::span<const derivatives::SurfaceHit> hits, uint8_t generation,
+                               RandomStream& random) {
+  std::vector<Wish> places;
+  for (const derivatives::MediumRay& ray : rays) {
+    for (const derivatives::MediumStretch& stretch : ray.stretches) {
+      if (stretch.medium == scene::none || is_black(world.medium(stretch.medium).sigma_s)) continue;
+      const derivatives::DistanceSample place = derivatives::sample_stratum(
+          Vec3d(world.medium(stretch.medium).sigma_t), 0, stretch.end - stretch.begin, random.next_float());
+      if (!std::isfinite(place.distance)) continue;
+      places.push_back({origin + Vec3f(ray.direction * (stretch.begin + place.distance)),
+                        Vec3f(0),
+                        {stretch.medium, 0, generation, Quantity::rest}});
+    }
+  }
+  for (const derivatives::SurfaceHit& hit : hits)
+    if (const auto found = lambertian(world, hit, generation)) places.push_back(found->irradiance);
+  return places;
+}
+
 CachedLight::CachedLight(const transport::PathTracer& kernel, const Epoch* records, uint8_t generation)
     : kernel_(kernel), world_(kernel.world()), records_(records), generation_(generation) {}
 

@@ -6,10 +6,20 @@
 
 #include "cache/index.h"
 #include "cache/record_maker.h"
+#include "derivatives/medium_gather.h"
 #include "derivatives/source.h"
 #include "transport/path_tracer.h"
 
 namespace fogbank::cache {
+
+/// Is the record of `wish` made of the records of the generation before? Generation 0 holds paths of
+/// max_depth edges at most. Sources are records made as if the camera saw them, so that generation k holds up
+/// to k edges more, light that is weaker than all that counts by the albedo to the power of max_depth. Where
+/// that may be more than a trace every generation is path traced.
+inline bool reads_records(const Wish& wish, const RecordMakerSettings& settings) {
+  constexpr int32_t least_depth = 8;
+  return wish.component.scattering_order > 0 && (settings.max_depth < 0 || settings.max_depth >= least_depth);
+}
 
 /// What the light that leaves a hit towards its ray's origin follows from.
 struct LambertianHit {
@@ -20,6 +30,13 @@ struct LambertianHit {
 /// nullopt where it takes more than irradiance. `generation`: of the record.
 std::optional<LambertianHit> lambertian(const transport::World& world, const derivatives::SurfaceHit& hit,
                                         uint8_t generation);
+
+/// Where CachedLight of `generation` would be looked up along rays from `origin`: one place in each medium
+/// they cross, drawn by transmittance, and each Lambertian surface of `hits`.
+std::vector<Wish> places_along(const transport::World& world, const Vec3f& origin,
+                               std::span<const derivatives::MediumRay> rays,
+                               std::span<const derivatives::SurfaceHit> hits, uint8_t generation,
+                               RandomStream& random);
 
 /// Light straight from emitters is sampled at the emitters; the rest is looked up in records of one
 /// generation, and path traced where none reaches: unbiased but for what the records' own errors are.

@@ -11,8 +11,8 @@ namespace fogbank::cache {
 /// A record belongs to one side of a surface: Wish::normal is the shading normal, turned to that side, whose
 /// cosine weighs the light as it does in a Lambertian BSDF; rays leave from the side of the geometric normal
 /// that is nearer to it. So records follow smooth normals of meshes and show no facets.
-/// Wish::component.medium lies on that side. Light of medium and surfaces is path traced, whatever the
-/// generation.
+/// Wish::component.medium lies on that side. Light of medium and surfaces is path traced, or CachedLight of
+/// the generation before (reads_records).
 class IrradianceRecordMaker final : public RecordMaker {
  public:
   IrradianceRecordMaker(std::shared_ptr<const transport::World> world, const RecordMakerSettings& settings);
@@ -21,7 +21,7 @@ class IrradianceRecordMaker final : public RecordMaker {
   std::vector<Wish> sources_of(const Wish& wish, int32_t count, RayCounters& counters) const override;
 
  private:
-  uint64_t id_of(const Wish& wish) const;
+  uint64_t id_of(const Wish& wish, const Epoch* sources) const;
   derivatives::SurfaceSide side_of(const Wish& wish, RayCounters& counters) const;
 
   std::shared_ptr<const transport::World> world_;

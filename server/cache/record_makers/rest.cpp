@@ -7,7 +7,6 @@
 
 #include "cache/cached_light.h"
 #include "derivatives/direction_grid.h"
-#include "derivatives/medium_march.h"
 #include "derivatives/medium_rays.h"
 #include "derivatives/random_at.h"
 
@@ -89,7 +88,7 @@ RestRecordMaker::RestRecordMaker(std::shared_ptr<const transport::World> world,
 uint64_t RestRecordMaker::id_of(const Wish& wish, const Epoch* sources) const {
   std::string settings =
       "aware " + std::to_string(settings_.samples) + ' ' + std::to_string(settings_.max_depth);
-  if (reads_records(wish) && sources != nullptr)
+  if (reads_records(wish, settings_) && sources != nullptr)
     settings += ' ' + std::to_string(sources->digest(wish.component.scattering_order - 1));
   return content_id(wish.position, wish.component, settings, settings_.seed);
 }
@@ -107,8 +106,9 @@ Record RestRecordMaker::make(const Wish& wish, const Epoch* sources, RayCounters
     return sum;
   };
   const derivatives::RadianceJet jet =
-      reads_records(wish) ? estimate_from(CachedLight(*kernel_, sources, wish.component.scattering_order - 1))
-                          : estimate_from(derivatives::PathTracedSource(kernel_, CachedLight::depth));
+      reads_records(wish, settings_)
+          ? estimate_from(CachedLight(*kernel_, sources, wish.component.scattering_order - 1))
+          : estimate_from(derivatives::PathTracedSource(kernel_, CachedLight::depth));
   Record record;
   record.position = wish.position;
   record.component = wish.component;
@@ -128,32 +128,14 @@ Record RestRecordMaker::make(const Wish& wish, const Epoch* sources, RayCounters
 }
 
 std::vector<Wish> RestRecordMaker::sources_of(const Wish& wish, int32_t count, RayCounters& counters) const {
-  std::vector<Wish> wishes;
-  if (!reads_records(wish)) return wishes;
+  if (!reads_records(wish, settings_)) return {};
   RandomStream random = derivatives::random_at(wish.position, settings_.seed, 0, sources_stream);
   // One place in the medium and one on a surface a ray.
   const int32_t side = derivatives::DirectionTopology::side_for(std::max(count / 2, 1));
   derivatives::SphereRays rays(*world_, surfaces_.plan());
   rays.trace(wish.position, wish.component.medium, side, random, counters);
-  Component component = wish.component;
-  --component.scattering_order;
-  for (const derivatives::MediumRay& ray : derivatives::medium_rays(rays.lines(), counters)) {
-    for (const derivatives::MediumStretch& stretch : ray.stretches) {
-      if (stretch.medium == scene::none || is_black(world_->medium(stretch.medium).sigma_s)) continue;
-      const derivatives::DistanceSample place = derivatives::sample_stratum(
-          Vec3d(world_->medium(stretch.medium).sigma_t), 0, stretch.end - stretch.begin, random.next_float());
-      if (!std::isfinite(place.distance)) continue;
-      component.medium = stretch.medium;
-      component.quantity = Quantity::rest;
-      wishes.push_back(
-          {wish.position + Vec3f(ray.direction * (stretch.begin + place.distance)), Vec3f(0), component});
-    }
-  }
-  for (const derivatives::SurfaceHit& hit : rays.hits()) {
-    if (const auto found = lambertian(*world_, hit, component.scattering_order))
-      wishes.push_back(found->irradiance);
-  }
-  return wishes;
+  return places_along(*world_, wish.position, derivatives::medium_rays(rays.lines(), counters), rays.hits(),
+                      wish.component.scattering_order - 1, random);
 }
 
 }  // namespace fogbank::cache

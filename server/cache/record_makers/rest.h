@@ -8,11 +8,6 @@ namespace fogbank::cache {
 
 /// Generation 0: the light of medium and surfaces is path traced. Generation k: it is CachedLight of
 /// generation k - 1, so that a record costs no paths where those cover its surroundings.
-///
-/// max_depth: generation 0 holds paths of that many edges at most. Sources are records made as if the camera
-/// saw them, so that generation k holds up to k edges more, light that is weaker than all that counts by the
-/// albedo to the power of max_depth. Where that may be more than a trace, max_depth < least_depth, every
-/// generation is path traced and `sources` don't matter.
 class RestRecordMaker final : public RecordMaker {
  public:
   RestRecordMaker(std::shared_ptr<const transport::World> world, const RecordMakerSettings& settings);
@@ -21,12 +16,6 @@ class RestRecordMaker final : public RecordMaker {
   std::vector<Wish> sources_of(const Wish& wish, int32_t count, RayCounters& counters) const override;
 
  private:
-  static constexpr int32_t least_depth = 8;
-
-  bool reads_records(const Wish& wish) const {
-    return wish.component.scattering_order > 0 &&
-           (settings_.max_depth < 0 || settings_.max_depth >= least_depth);
-  }
   uint64_t id_of(const Wish& wish, const Epoch* sources) const;
 
   std::shared_ptr<const transport::World> world_;
