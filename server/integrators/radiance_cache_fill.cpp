@@ -14,7 +14,7 @@ constexpr int32_t first_stride = 16;
 constexpr int32_t last_stride = 2;
 constexpr int32_t last_preview_stride = 8;
 /// Rounds of making records for one stride; what is uncovered then is left to the next finer one.
-constexpr int32_t most_attempts = 16;
+constexpr int32_t most_attempts = 6;
 /// Rows of pixels that a probing task looks at, in strides.
 constexpr int32_t band_strides = 4;
 /// Stream of random numbers apart from the image's own.
@@ -34,6 +34,9 @@ constexpr int32_t least_depth_of_generations = 6;
 constexpr float spacing_share = 0.85f;
 /// A look-up of less weight counts as uncovered: right at the border of an extent the next pixel may be out.
 constexpr float least_weight = 0.02f;
+/// As many records reach a place but for a surface between, as far as their depth bins tell: one more would
+/// not see it either. Close to walls bins are too coarse; paths take the records' place there.
+constexpr uint32_t most_hidden = 3;
 /// Look-ups whose radiance counts less than this in the pixel aren't worth a record.
 constexpr float least_importance = 1e-4f;
 /// Relative error at the border of typical extents, for a relative error of pixels of 1: errors there are the
@@ -58,6 +61,7 @@ class UncoveredPlaces final : public LookUpObserver {
       return;
     }
     if (!(mean(look_up.weight) > least_importance)) return;
+    if (look_up.found.rejected >= most_hidden) return;
     if (on_surface) {
       on_surfaces_.push_back(look_up.place);
       return;
