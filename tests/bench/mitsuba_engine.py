@@ -15,7 +15,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-LLVM_LIBRARY = Path("/usr/lib/llvm-19/lib/libLLVM.so.19.1")
+LLVM_LIBRARIES = (
+    Path("/usr/lib/llvm-19/lib/libLLVM.so.19.1"),
+    Path("/usr/lib/x86_64-linux-gnu/libLLVM.so.19.1"),
+)
 FILTER = re.compile(r"<rfilter[^>]*/>|<rfilter.*?</rfilter>", re.DOTALL)
 
 
@@ -38,8 +41,9 @@ class MitsubaEngine:
     """Renders one scene at a time with one variant."""
 
     def __init__(self, variant: str) -> None:
-        if LLVM_LIBRARY.exists():
-            os.environ.setdefault("DRJIT_LIBLLVM_PATH", str(LLVM_LIBRARY))
+        for library in LLVM_LIBRARIES:
+            if library.exists():
+                os.environ.setdefault("DRJIT_LIBLLVM_PATH", str(library))
         # Its stubs are those of another variant than the one that is set here.
         mitsuba: Any = importlib.import_module("mitsuba")
         mitsuba.set_variant(variant)

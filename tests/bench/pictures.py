@@ -1,8 +1,8 @@
 """Error of whole pictures against CPU time: Fogbank's cache, and Mitsuba 3 followed by the denoiser OIDN.
 
 References come from Fogbank's own `volpath`, which tests/oracle checks against Mitsuba's: two independent halves,
-rendered once and kept in out/bench/references. Start-up, loading and just-in-time compilation are not counted, denoising
-is. CPU seconds are those of all threads.
+rendered once and kept in out/bench/references. Start-up, loading and just-in-time compilation are not counted,
+denoising is. CPU seconds are those of all threads.
 """
 
 from __future__ import annotations
