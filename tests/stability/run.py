@@ -3,7 +3,7 @@
 python -m tests.stability.run [--shapes N]
 
 Exit status 1 if a number isn't finite, has the wrong sign where the precision is said to be enough, or an estimate is
-further off than allowed.
+further off than allowed, or a picture of an extreme scene is wrong, takes too long or too much memory.
 """
 
 import argparse
@@ -13,6 +13,7 @@ from tests.bench.engines import ROOT
 from tests.stability import report
 from tests.stability.cases import FAMILIES
 from tests.stability.measure import measure
+from tests.stability.pictures import CASES, run_case, table
 from tests.stability.scenes import SCENE_FAMILIES, is_as_allowed, measure_scenes
 
 
@@ -38,8 +39,15 @@ def main() -> int:
     exceeded = [row for row in scene_rows if not is_as_allowed(scenes_by_name[row.family], row)]
     for row in exceeded:
         print(f"{row.family}, {row.parameter:g}: errors {row.errors} exceed what is allowed", file=sys.stderr)
-    print(f"{len(rows) + len(scene_rows)} rows; tables and plots in {folder.relative_to(ROOT)}")
-    return 1 if bad or exceeded else 0
+    picture_rows = []
+    for case in CASES:
+        picture_rows.append(run_case(case))
+        (folder / "pictures.md").write_text(table(picture_rows), encoding="utf-8")
+    wrong = [row for row in picture_rows if row.verdict]
+    for picture in wrong:
+        print(f"picture of {picture.name}: {picture.verdict}", file=sys.stderr)
+    print(f"{len(rows) + len(scene_rows) + len(picture_rows)} rows; tables and plots in {folder.relative_to(ROOT)}")
+    return 1 if bad or exceeded or wrong else 0
 
 
 if __name__ == "__main__":
