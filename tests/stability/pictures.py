@@ -194,7 +194,7 @@ PLAIN = [
 EXTREME_SETTINGS = [
     PictureCase("error 1e-6 in 2 s", PLAIN[8].scene, settings={"error": 1e-6, "time_budget_seconds": 2.0}),
     PictureCase("error 10", PLAIN[8].scene, settings={"error": 10.0}, noisy=True),
-    PictureCase("one record", PLAIN[8].scene, settings={"most_records": 1}),
+    PictureCase("one record", PLAIN[8].scene, settings={"record_budget": 1}),
     PictureCase("0.1 s", PLAIN[8].scene, settings={"time_budget_seconds": 0.1}, noisy=True),
 ]
 
@@ -237,7 +237,13 @@ def run_case(case: PictureCase) -> PictureRow:
         with engines.fogbank() as engine:
             engine.ask("load", scene=str(path))
             answer = engine.ask(
-                "render", integrator="radiance-cache", seed=99, output=str(output), **common, **settings
+                "render",
+                integrator="radiance-cache",
+                samples_per_pixel=1024,
+                seed=99,
+                output=str(output),
+                **common,
+                **settings,
             )
         seconds = time.monotonic() - start
         found = quarters(output)

@@ -10,6 +10,7 @@
 // neighbouring pixels with any other, and its pixels are not independent then. `output` is an EXR file of
 // floats.
 #include <dlfcn.h>
+#include <sys/resource.h>
 
 #include <chrono>
 #include <filesystem>
@@ -96,7 +97,10 @@ class Bench {
     if (take != nullptr) take(&probe);  // what was counted before
     render::run_to_completion(job, command.at("threads"));
     const render::Progress progress = job.progress();
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
     Json answer{{"cpu_seconds", progress.cpu_seconds},
+                {"peak_bytes", int64_t{usage.ru_maxrss} * 1024},
                 {"wall_seconds", progress.render_seconds},
                 {"samples", progress.samples_done},
                 {"rays", progress.rays},
