@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Iterator
 
 import grpc
-from fogbank._generated.v1 import cache_pb2
+from fogbank._generated.v1 import cache_pb2, render_pb2
 
 CHUNK = 16
 CAMERA_RECORDS = 10
@@ -51,7 +51,7 @@ class FakeCaches:
         self.fill_requests.append(request)
         left = self.cut_fills_after.pop(0) if self.cut_fills_after else None
         reused = len(self.records)
-        cameras = list(request.cameras) or [None]
+        cameras: list[render_pb2.CameraOverride | None] = [*request.cameras] or [None]
         yield cache_pb2.FillCacheResponse(cameras_total=len(cameras), records_reused=reused, cache=CACHE)
         for number, camera in enumerate(cameras):
             if left == number:

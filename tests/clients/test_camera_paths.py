@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from fogbank import InvalidArgumentError, interpolate, orbit, read_keyframes
 from fogbank.camera import look_at
 
-KEYFRAMES = [
+KEYFRAMES: list[dict[str, Any]] = [
     {"origin": [0, 0, 0], "target": [0, 0, 9], "fov": 30},
     {"origin": [1, 2, 0], "target": [0, 1, 9], "fov": 40},
     {"origin": [4, 0, 1], "target": [2, 0, 9], "fov": 80},
