@@ -109,7 +109,7 @@ class ViewStream final : public grpc::ServerWriteReactor<v1::ViewCacheResponse> 
 
  private:
   template <typename Work>
-  void post(Work work) {
+  void post(const Work& work) {
     const bool posted = queue_.post([this, work] {
       try {
         work();

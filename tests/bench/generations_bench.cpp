@@ -212,9 +212,9 @@ int main_with(std::span<char*> arguments) {
   const auto world = std::make_shared<const transport::World>(
       scene::load_scene(file.filename(), scene::folder_source(file.parent_path()), {}));
   std::vector<int32_t> directions;
-  for (const char* argument : arguments.subspan(5)) directions.push_back(std::atoi(argument));
-  measure(world, points_in_view(*world, std::atoi(arguments[2])), std::atoi(arguments[3]),
-          std::atoi(arguments[4]), directions);
+  for (const char* argument : arguments.subspan(5)) directions.push_back(std::stoi(argument));
+  measure(world, points_in_view(*world, std::stoi(arguments[2])), std::stoi(arguments[3]),
+          std::stoi(arguments[4]), directions);
   return 0;
 }
 

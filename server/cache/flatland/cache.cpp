@@ -6,11 +6,11 @@
 
 namespace fogbank::cache::flatland {
 
-void Cache::add(Record record) {
+void Cache::add(const Record& record) {
   Extent extent;
   extent.base = base_ellipse(settings_, radiance_floor_, record);
   extent.bound = extent.base.longest();
-  records_.push_back(std::move(record));
+  records_.push_back(record);
   extents_.push_back(extent);
   const size_t added = records_.size() - 1;
   for (size_t i = 0; i < added; ++i) {

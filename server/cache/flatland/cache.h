@@ -19,7 +19,7 @@ class Cache {
       : settings_(settings), radiance_floor_(radiance_floor) {}
 
   /// Linear in the records.
-  void add(Record record);
+  void add(const Record& record);
 
   /// Blend of the records that reach the point, weights w = 3 d^2 - 2 d^3 with d = 1 - sqrt(dx^T Q dx)
   /// (method.md section 11); nothing where none does. Linear in the records.

@@ -63,9 +63,9 @@ void Fill::step() {
   const Vec2d& x = points_[next_++];
   switch (stage_) {
     case Stage::pilot: {
-      MadeRecord record = made(*model_, x);
+      const MadeRecord record = made(*model_, x);
       rays_ += record.rays;
-      pilot_records_.push_back(std::move(record.record));
+      pilot_records_.push_back(record.record);
       if (next_ == pilot_) end_pilot();
       break;
     }
@@ -92,7 +92,7 @@ void Fill::end_pilot() {
   // In the dark any floor is right.
   const double floor = sum > 0 ? floor_share * sum / static_cast<double>(pilot_) : 1;
   cache_.emplace(settings_, floor);
-  for (Record& record : pilot_records_) cache_->add(std::move(record));
+  for (const Record& record : pilot_records_) cache_->add(record);
   pilot_records_.clear();
   size_before_ = cache_->size();
   next_ = 0;
@@ -105,9 +105,9 @@ void Fill::add(const Vec2d& x) {
                 "the points need more than " + std::to_string(largest_record_count) +
                     " records; a greater threshold or minimum_radius, please");
   }
-  MadeRecord record = made(*model_, x);
+  const MadeRecord record = made(*model_, x);
   rays_ += record.rays;
-  cache_->add(std::move(record.record));
+  cache_->add(record.record);
 }
 
 }  // namespace fogbank::cache::flatland

@@ -81,7 +81,8 @@ DepthBins UnawareRecordMaker::look_around(const Vec3f& position, RayCounters& co
   const scene::Intersector& intersector = *world_->scene().intersector;
   DepthBins bins;
   for (uint32_t i = 0; i < depth_side * depth_side; ++i) {
-    const Vec2f cell(static_cast<float>(i % depth_side), static_cast<float>(i / depth_side));
+    const uint32_t row = i / depth_side;
+    const Vec2f cell(static_cast<float>(i % depth_side), static_cast<float>(row));
     const Vec3f direction = square_to_uniform_sphere((cell + 0.5f) / static_cast<float>(depth_side));
     scene::Hit hit;
     ++counters.closest_hit;

@@ -442,9 +442,14 @@ TransferReport merge_exports(const std::vector<fs::path>& inputs, const fs::path
       first = name;
     }
     if (segment.info.transport != transport)
-      throw Error(
-          ErrorKind::failed_precondition, "CACHE_MISMATCH",
-          name + ": holds the cache " + segment.info.transport + ", but " + first + " holds " + transport);
+      throw Error(ErrorKind::failed_precondition, "CACHE_MISMATCH",
+                  std::string(name)
+                      .append(": holds the cache ")
+                      .append(segment.info.transport)
+                      .append(", but ")
+                      .append(first)
+                      .append(" holds ")
+                      .append(transport));
     parts = unite(std::move(parts), std::move(segment.parts));
   }
   if (inputs.empty()) throw Error(ErrorKind::invalid_argument, "NO_EXPORTS", "there are no files to merge");

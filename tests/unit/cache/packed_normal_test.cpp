@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <bit>
 #include <cstring>
 
 #include "core/random.h"
@@ -10,7 +12,10 @@
 namespace fogbank::cache {
 namespace {
 
-bool same_bits(const Vec3f& a, const Vec3f& b) { return std::memcmp(&a, &b, sizeof(Vec3f)) == 0; }
+bool same_bits(const Vec3f& a, const Vec3f& b) {
+  using Bits = std::array<uint32_t, 3>;
+  return std::bit_cast<Bits>(a) == std::bit_cast<Bits>(b);
+}
 
 void expect_stable(uint32_t packed) {
   const Vec3f normal = unpack_normal(packed);

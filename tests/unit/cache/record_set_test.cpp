@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cstring>
 
 #include "cache/hilbert.h"
@@ -129,7 +131,8 @@ TEST(RecordSet, CanonicalIsIdempotent) {
     record.position.y = 1e-40f;
     const Record once = canonical(record);
     const Record twice = canonical(once);
-    EXPECT_EQ(std::memcmp(&once, &twice, sizeof(Record)), 0);
+    using Bytes = std::array<uint8_t, sizeof(Record)>;
+    EXPECT_EQ(std::bit_cast<Bytes>(once), std::bit_cast<Bytes>(twice));
     EXPECT_LE(once.visibility_margin, record.visibility_margin);
     EXPECT_GE(once.visibility_margin, record.visibility_margin * (1 - 0x1p-7f));
     EXPECT_EQ(once.position.y, 0);

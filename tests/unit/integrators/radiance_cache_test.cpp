@@ -76,7 +76,7 @@ struct SmallScene {
   std::string body;
   int32_t max_depth = -1;
 };
-void PrintTo(const SmallScene& scene, std::ostream* out) { *out << scene.name; }
+std::ostream& operator<<(std::ostream& out, const SmallScene& scene) { return out << scene.name; }
 
 class SmallScenes : public testing::TestWithParam<SmallScene> {};
 
