@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "derivatives/transmittance_jet.h"
 
@@ -33,14 +34,26 @@ double not_grazing(double along, double length) {
   return std::copysign(std::max(std::abs(along), least_cosine * length), along);
 }
 
-/// Adds (sigma before - sigma beyond) times the distance to each boundary; `distance_to(boundary)` as a jet.
+/// Boundaries are crossed one after the other on the way. Where planes say otherwise, close to grazing angles
+/// or far from the line that was traced, the crossing stays put: optical depths would be negative.
+Jet3d in_order(const Jet3d& crossing, double last, double end) {
+  if (crossing.value >= last && crossing.value <= end) return crossing;
+  return Jet3d::constant(std::clamp(crossing.value, last, end));
+}
+
+/// Adds (sigma before - sigma beyond) times the distance to each boundary; `distance_to(boundary)` as a jet,
+/// at most `end`.
 template <typename DistanceTo>
-void add_boundaries(const MediaPath& path, int channel, Jet3d& depth, const DistanceTo& distance_to) {
+void add_boundaries(const MediaPath& path, int channel, double end, Jet3d& depth,
+                    const DistanceTo& distance_to) {
   double before = path.sigma_t[channel];
+  double last = 0;
   for (const MediaPath::Boundary& boundary : path.boundaries) {
     const double beyond = boundary.sigma_t[channel];
-    depth += distance_to(boundary) * (before - beyond);
+    const Jet3d distance = in_order(distance_to(boundary), last, end);
+    depth += distance * (before - beyond);
     before = beyond;
+    last = distance.value;
   }
 }
 
@@ -51,7 +64,7 @@ RadianceJet MediaPath::towards(const Vec3d& r) const {
   return transmittance_of(*this, [&](int c) {
     const double last = boundaries.empty() ? sigma_t[c] : boundaries.back().sigma_t[c];
     Jet3d depth = distance * last;
-    add_boundaries(*this, c, depth, [&](const Boundary& boundary) {
+    add_boundaries(*this, c, distance.value, depth, [&](const Boundary& boundary) {
       // distance * n.b / n.r, all of them moving with x.
       const Jet3d reach = Jet3d::linear(glm::dot(boundary.normal, boundary.position), -boundary.normal);
       const double along = not_grazing(glm::dot(boundary.normal, r), distance.value);
@@ -68,7 +81,7 @@ RadianceJet MediaPath::towards_infinity(const Vec3d& direction) const {
   const Spectrum& last = boundaries.empty() ? sigma_t : boundaries.back().sigma_t;
   RadianceJet result = transmittance_of(*this, [&](int c) {
     Jet3d depth;
-    add_boundaries(*this, c, depth, [&](const Boundary& boundary) {
+    add_boundaries(*this, c, std::numeric_limits<double>::infinity(), depth, [&](const Boundary& boundary) {
       const double inverse = 1 / not_grazing(glm::dot(boundary.normal, direction), 1);
       return Jet3d::linear(glm::dot(boundary.normal, boundary.position) * inverse,
                            -boundary.normal * inverse);
