@@ -1,10 +1,12 @@
 #include "integrators/radiance_cache.h"
 
 #include <algorithm>
+#include <array>
 #include <optional>
 
 #include "core/frame.h"
 #include "core/sampling.h"
+#include "core/sobol.h"
 #include "integrators/radiance_cache_fill.h"
 #include "transport/direct_light_bundle.h"
 
@@ -22,6 +24,9 @@ namespace {
 
 /// Samples of the light that reaches a surface: seen by the camera itself, met later.
 constexpr int32_t seen_surface_samples = 4;
+/// Paths from a surface that no record reaches, if the camera sees it: fine geometry that would take a record
+/// for every few pixels.
+constexpr uint32_t uncovered_surface_paths = 4;
 constexpr int32_t later_surface_samples = 1;
 /// As the path tracer's (path_tracer.cpp).
 constexpr float most_survival = 0.999f;
@@ -324,12 +329,28 @@ Spectrum RadianceCacheIntegrator::arriving_at(const Walk& walk, const scene::Sur
     return Spectrum(0);
   }
   if (found.weight > 0) return found.radiance;
+  return arriving_by_paths(walk, surface, side, random, counters);
+}
+
+Spectrum RadianceCacheIntegrator::arriving_by_paths(const Walk& walk,
+                                                    const scene::SurfaceInteraction& surface,
+                                                    const Vec3f& side, RandomStream& random,
+                                                    RayCounters& counters) const {
   const Frame frame = Frame::from_normal(side);
-  const Vec3f direction = frame.to_world(square_to_cosine_hemisphere(random.next_vec2()));
-  scene::Hit hit;
-  return kernel_.arriving_radiance({surface.spawn_origin(direction), direction, infinity},
-                                   world_->medium_beyond(surface, direction, walk.medium), walk.depth + 1,
-                                   random, counters, &hit);
+  const uint32_t paths = walk.straight ? uncovered_surface_paths : 1;
+  // Directions go on over the pixel's samples.
+  const std::array<uint32_t, 4> scrambles = random.next_shared();
+  Spectrum sum(0);
+  for (uint32_t i = 0; i < paths; ++i) {
+    const uint32_t number = random.sample() * paths + i;
+    const Vec3f direction = frame.to_world(square_to_cosine_hemisphere(
+        {scrambled_sobol(number, 0, scrambles[0]), scrambled_sobol(number, 1, scrambles[1])}));
+    scene::Hit hit;
+    sum += kernel_.arriving_radiance({surface.spawn_origin(direction), direction, infinity},
+                                     world_->medium_beyond(surface, direction, walk.medium), walk.depth + 1,
+                                     random, counters, &hit);
+  }
+  return sum / static_cast<float>(paths);
 }
 
 bool RadianceCacheIntegrator::go_on(Walk& walk, const scene::SurfaceInteraction& surface,

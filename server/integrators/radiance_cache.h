@@ -99,6 +99,9 @@ class RadianceCacheIntegrator final : public Integrator {
   /// were white. `side`: unit normal to the side that is seen.
   Spectrum arriving_at(const Walk& walk, const scene::SurfaceInteraction& surface, const Vec3f& side,
                        const Spectrum& reflectance, RandomStream& random, RayCounters& counters) const;
+  /// The same where no record reaches.
+  Spectrum arriving_by_paths(const Walk& walk, const scene::SurfaceInteraction& surface, const Vec3f& side,
+                             RandomStream& random, RayCounters& counters) const;
   /// Draws the path's next direction; false where it ends.
   bool go_on(Walk& walk, const scene::SurfaceInteraction& surface, const transport::Bsdf& bsdf,
              const transport::ShadingPoint& point, const Vec3f& wo, RandomStream& random) const;

@@ -1,4 +1,6 @@
 // What the cache says along a camera ray: how records lie there and how far they can be trusted.
+#include <algorithm>
+#include <cmath>
 #include <map>
 
 #include "integrators/radiance_cache.h"
@@ -22,40 +24,84 @@ class ViewSums final : public LookUpObserver {
     records_ += weight * look_up.found.records;
     rejected_ += weight * look_up.found.rejected;
     radius_ += weight * static_cast<double>(look_up.found.radius);
-    if (!(look_up.found.weight > 0)) return;
-    const cache::RecordSet& set = epoch_.records();
-    for (const cache::Contribution& one :
-         index->contributions(look_up.place.position, look_up.place.normal)) {
-      const double share = weight * static_cast<double>(one.weight / look_up.found.weight);
-      shares_[{index, one.place}] += share;
-      const cache::Place place = set.place(index->range(), one.place);
-      const Vec3f offset = look_up.place.position - place.position;
-      bound_ += share * static_cast<double>(0.5f * place.hessian.norm() * glm::dot(offset, offset));
-    }
+    if (look_up.found.weight > 0) compare(look_up, *index, weight);
   }
 
   CacheView view() const {
     if (!(weight_ > 0)) return {};
     // A record speaks at many places of a ray, and errs alike at all of them.
     double variance = 0;
-    for (const auto& [place, share] : shares_)
-      variance += share * share *
-                  static_cast<double>(epoch_.records().place(place.first->range(), place.second).variance);
+    double checked_variance = 0;
+    double disagreement = 0;
+    for (const auto& [record, sums] : sums_) {
+      const auto of_record =
+          static_cast<double>(epoch_.records().place(record.first->range(), record.second).variance);
+      variance += (sums.checked + sums.unchecked) * (sums.checked + sums.unchecked) * of_record;
+      checked_variance += sums.checked * sums.checked * of_record;
+      disagreement += sums.difference * sums.difference;
+    }
+    const double square = std::max(disagreement - checked_variance, 0.0) + bound_ * bound_;
+      fprintf(stderr, "V %g %g %g %g\n", std::sqrt(std::max(disagreement, 0.)), std::sqrt(checked_variance),
+              std::sqrt(variance), bound_);
     return {.radius = static_cast<float>(radius_ / weight_),
             .record_density = static_cast<float>(records_ / weight_),
             .rejected = static_cast<float>(rejected_ / weight_),
             .variance = static_cast<float>(variance),
-            .bias = static_cast<float>(error_per_bound * bound_)};
+            .bias = static_cast<float>(std::sqrt(square))};
   }
 
  private:
+  struct RecordSums {
+    double checked = 0;     ///< weight where others speak too
+    double unchecked = 0;   ///< where none does
+    double difference = 0;  ///< weighted, from what the others say
+  };
+
+  /// What overlapping records disagree about is what they don't know: noise and errors of extrapolation
+  /// alike. A record alone has the metric's bound, as far as that says anything: noise may blow up second
+  /// derivatives.
+  void compare(const LookUp& look_up, const cache::Index& index, double weight) {
+    const std::vector<cache::Contribution> contributions =
+        index.contributions(look_up.place.position, look_up.place.normal);
+    std::vector<double> claims;
+    double blend = 0;
+    for (const cache::Contribution& one : contributions) {
+      const cache::Place place = epoch_.records().place(index.range(), one.place);
+      const Vec3f offset = look_up.place.position - place.position;
+      Spectrum radiance;
+      for (int c = 0; c < 3; ++c)
+        radiance[c] = cache::extrapolated(place.quantity, place.radiance[c],
+                                          glm::dot(place.gradient[static_cast<size_t>(c)], offset));
+      const auto claim = static_cast<double>(luminance(radiance));
+      claims.push_back(claim);
+      blend += claim * static_cast<double>(one.weight / look_up.found.weight);
+      if (contributions.size() == 1)
+        bound_ +=
+            weight * error_per_bound *
+            std::min(static_cast<double>(0.5f * place.hessian.norm() * glm::dot(offset, offset)), claim);
+    }
+    for (size_t i = 0; i < contributions.size(); ++i) {
+      const auto share = static_cast<double>(contributions[i].weight / look_up.found.weight);
+      RecordSums& sums = sums_[{&index, contributions[i].place}];
+      if (!(share < 1)) {
+        sums.unchecked += weight * share;
+        continue;
+      }
+      sums.checked += weight * share;
+      // The difference from the others has the variance of both: of n alike, n / (n - 1) times a record's
+      // own.
+      const double others = (blend - share * claims[i]) / (1 - share);
+      sums.difference += weight * share * (claims[i] - others) * std::sqrt(1 - share);
+    }
+  }
+
   const cache::Epoch& epoch_;
   double weight_ = 0;
   double radius_ = 0;
   double records_ = 0;
   double rejected_ = 0;
   double bound_ = 0;
-  std::map<std::pair<const cache::Index*, uint32_t>, double> shares_;
+  std::map<std::pair<const cache::Index*, uint32_t>, RecordSums> sums_;
 };
 
 }  // namespace
