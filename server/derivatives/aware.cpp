@@ -104,7 +104,7 @@ void Aware::add_medium(const MediumSource& source, const Vec3f& x, SphereSamples
       ray_outlines(samples, far_radii * static_cast<double>(world_->scene().bounds.radius));
   sum += MediumGather(*world_, source)
              .gather(x, rays, samples.rays.topology().triangles(), outlines, settings_.derivatives, random,
-                     counters, samples.arriving);
+                     counters, samples.arriving, &samples.medium_variance);
 }
 
 }  // namespace fogbank::derivatives

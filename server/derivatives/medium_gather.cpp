@@ -180,8 +180,8 @@ void MediumGather::subtract_linear_source(MediumRecord& record, RandomStream& ra
 RadianceJet MediumGather::gather(const Vec3f& x, std::span<const MediumRay> rays,
                                  std::span<const std::array<uint32_t, 3>> triangles,
                                  std::span<const RayOutline> outlines, DerivativeOrder order,
-                                 RandomStream& random, RayCounters& counters,
-                                 std::span<double> arriving) const {
+                                 RandomStream& random, RayCounters& counters, std::span<double> arriving,
+                                 DerivativeVariance* variance) const {
   RadianceJet result;
   if (rays.empty()) return result;
   MediumRecord record(world_, x, rays, triangles, outlines);
@@ -189,7 +189,12 @@ RadianceJet MediumGather::gather(const Vec3f& x, std::span<const MediumRay> rays
   if (record.samples.empty()) return result;
   if (order != DerivativeOrder::value) {
     if (!record.nearby.empty()) subtract_linear_source(record, random, counters);
-    result = record.derivatives(counters);
+    DerivativeVariance spread;
+    result = record.derivatives(spread, counters);
+    if (variance != nullptr) {
+      variance->gradient += spread.gradient;
+      variance->hessian += spread.hessian;
+    }
   }
   for (size_t i = 0; i < arriving.size(); ++i) {
     const Vec3d along = record.value_along(i);

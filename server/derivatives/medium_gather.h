@@ -9,6 +9,7 @@
 
 #include "core/random.h"
 #include "core/ray_counters.h"
+#include "derivatives/derivative_variance.h"
 #include "derivatives/estimator.h"
 #include "derivatives/source.h"
 
@@ -69,11 +70,11 @@ class MediumGather {
   /// (indices into `rays`, a closed triangulation of the sphere, r1 . (r2 x r3) > 0 but for inverted ones)
   /// hold together, ends of neighbours being joined but for `outlines`, which come in any order; they are
   /// 0 unless `order` asks for them. Finite. `arriving`, one a ray or empty, gets what each ray's luminance
-  /// contributes to their mean added.
+  /// contributes to their mean added; `variance`, or null, what the noise of sources does to derivatives.
   RadianceJet gather(const Vec3f& x, std::span<const MediumRay> rays,
                      std::span<const std::array<uint32_t, 3>> triangles, std::span<const RayOutline> outlines,
                      DerivativeOrder order, RandomStream& random, RayCounters& counters,
-                     std::span<double> arriving = {}) const;
+                     std::span<double> arriving = {}, DerivativeVariance* variance = nullptr) const;
 
  private:
   void march(MediumRecord& record, RandomStream& random, RayCounters& counters) const;

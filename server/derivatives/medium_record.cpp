@@ -237,7 +237,8 @@ void MediumRecord::add_linear(RadianceJet& sum, const RayCounters& counters) con
 }
 
 void MediumRecord::add_cut_shells(const std::array<uint32_t, 3>& triangle,
-                                  const std::array<Vec3d, 3>& directions, RadianceJet& sum) const {
+                                  const std::array<Vec3d, 3>& directions,
+                                  std::span<RadianceJet> along) const {
   const std::array<double, 3> ends{end(rays[triangle[0]].end), end(rays[triangle[1]].end),
                                    end(rays[triangle[2]].end)};
   const double nearest = std::min({ends[0], ends[1], ends[2]});
@@ -256,16 +257,17 @@ void MediumRecord::add_cut_shells(const std::array<uint32_t, 3>& triangle,
         const double sigma = sigma_t[channel];
         const Jet3d transmittance = sample.stretch == 0 ? chain(distance, 1.0, -sigma, sigma * sigma)
                                                         : beyond.transmittance(sample, channel);
-        sum.channels[static_cast<size_t>(channel)] +=
+        along[ray].channels[static_cast<size_t>(channel)] +=
             transmittance * form * (excess(sample, ray, channel) / std::max(alive, 1.0));
       }
     }
   }
 }
 
-RadianceJet MediumRecord::derivatives(const RayCounters& counters) const {
+RadianceJet MediumRecord::derivatives(DerivativeVariance& variance, const RayCounters& counters) const {
   RadianceJet sum;
   add_linear(sum, counters);
+  std::vector<RadianceJet> along(rays.size());
   // Form factors of the unit sphere's triangles: those that nothing cuts are shared out to their corners.
   const std::vector<Jet3d> cells =
       vertex_forms([](uint32_t) { return 1.0; },
@@ -284,15 +286,23 @@ RadianceJet MediumRecord::derivatives(const RayCounters& counters) const {
         std::min({end(rays[triangle[0]].end), end(rays[triangle[1]].end), end(rays[triangle[2]].end)});
     for (const uint32_t ray : triangle) {
       for (int c = 0; c < 3; ++c)
-        sum.channels[static_cast<size_t>(c)] +=
+        along[ray].channels[static_cast<size_t>(c)] +=
             shell_jet(third, rays[ray].direction, moments(ray, nearest, c));
     }
-    add_cut_shells(triangle, directions, sum);
+    add_cut_shells(triangle, directions, along);
   }
   for (size_t i = 0; i < rays.size(); ++i) {
     counters.poll_at(i);
     for (int c = 0; c < 3; ++c)
-      sum.channels[static_cast<size_t>(c)] += shell_jet(cells[i], rays[i].direction, moments(i, far, c));
+      along[i].channels[static_cast<size_t>(c)] += shell_jet(cells[i], rays[i].direction, moments(i, far, c));
+    sum += along[i];
+  }
+  // Neighbours in the order are neighbours in direction.
+  for (size_t i = 0; i + 1 < rays.size(); i += 2) {
+    const Jet3d difference = along[i].luminance() + along[i + 1].luminance() * -1;
+    variance.gradient += glm::dot(difference.gradient, difference.gradient);
+    const double norm = difference.hessian.norm();
+    variance.hessian += norm * norm;
   }
   return sum;
 }

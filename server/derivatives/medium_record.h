@@ -59,9 +59,9 @@ struct MediumRecord {
   Vec3d value_along(size_t ray) const;
   /// Stratified mean over the rays.
   Vec3d value() const;
-  /// Gradient and Hessian of all channels; values are those of the triangulation, which is biased. Throws
-  /// Interrupted.
-  RadianceJet derivatives(const RayCounters& counters) const;
+  /// Gradient and Hessian of all channels; values are those of the triangulation, which is biased. Adds the
+  /// variance of those of the luminance to `variance`. Throws Interrupted.
+  RadianceJet derivatives(DerivativeVariance& variance, const RayCounters& counters) const;
 
  private:
   struct PathBeyond;
@@ -93,9 +93,9 @@ struct MediumRecord {
   ShellMoments<double> moments(size_t ray, double until, int channel) const;
   /// The linear part of the medium around the point: closed forms.
   void add_linear(RadianceJet& sum, const RayCounters& counters) const;
-  /// Samples beyond the nearest end of a triangle that outlines cut.
+  /// Samples beyond the nearest end of a triangle that outlines cut, ray by ray.
   void add_cut_shells(const std::array<uint32_t, 3>& triangle, const std::array<Vec3d, 3>& directions,
-                      RadianceJet& sum) const;
+                      std::span<RadianceJet> along) const;
 };
 
 }  // namespace fogbank::derivatives

@@ -53,6 +53,7 @@ void SphereGather::trace(const Vec3f& x, int32_t medium, RandomStream& random, S
   samples.outlines.of_edge.assign(samples.rays.topology().edges().size(), Outlines::none);
   samples.radiance.assign(samples.rays.ends().size(), Spectrum(0));
   samples.arriving.assign(samples.rays.ends().size(), 0);
+  samples.medium_variance = {};
 }
 
 void SphereGather::find_outlines(SphereSamples& samples, RayCounters& counters) const {

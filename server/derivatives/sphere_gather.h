@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "derivatives/derivative_variance.h"
 #include "derivatives/estimator.h"
 #include "derivatives/outlines.h"
 #include "derivatives/sphere_rays.h"
@@ -23,6 +24,7 @@ struct SphereSamples {
   /// Luminance that arrives along each ray from everything that was gathered: the estimate's value is their
   /// mean.
   std::vector<double> arriving;
+  DerivativeVariance medium_variance;  ///< of the medium's light
 };
 
 /// Immutable; serves all threads.

@@ -318,7 +318,7 @@ Spectrum RadianceCacheIntegrator::arriving_at(const Walk& walk, const scene::Sur
                                               const Vec3f& side, const Spectrum& reflectance,
                                               RandomStream& random, RayCounters& counters) const {
   const int32_t medium = world_->medium_beyond(surface, -walk.ray.direction, walk.medium);
-  const cache::Component component{medium, 0, 0, cache::Quantity::irradiance};
+  const cache::Component component{medium, 0, published_.generation, cache::Quantity::irradiance};
   const cache::Index* index = find(component);
   const cache::Interpolation found =
       index != nullptr ? index->look_up(surface.position, side) : cache::Interpolation{};

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "cache/cached_light.h"
 #include "cache/metric.h"
 #include "scene/intersector.h"
 
@@ -19,16 +20,22 @@ constexpr int32_t most_attempts = 6;
 constexpr int32_t band_strides = 4;
 /// Stream of random numbers apart from the image's own.
 constexpr uint32_t probe_stream = 1;
-/// Directions of records that trace paths: they are looked up by thousands of gathers, which averages noise.
-constexpr int32_t traced_samples = 64;
-/// Of records that read others.
-constexpr int32_t gathered_samples = 256;
+/// Directions of a place's first record.
+constexpr int32_t first_samples = 64;
+/// Rays of a path-traced record, for each of these, above which records that read others are worth the
+/// records that those need first: high albedo in dense media. Reading takes 40 to 50.
+constexpr double long_paths_rays = 180;
+/// Further records of a place: the noisier the picture would be, the more.
+constexpr uint32_t most_level = 6;
+/// Rounds of further records in a stage.
+constexpr int32_t most_refinements = 3;
+constexpr int32_t surveying_stride = 8;
+/// Share of a stage's error that the noise of records may have.
+constexpr double noise_share = 0.3;
 /// Places that are looked for per record, to see where sources are missing.
 constexpr int32_t source_probes = 32;
-/// Error that sources are made for: gathers average theirs over all directions.
-constexpr double source_error = 0.3;
-/// Below this path length what a record reads would have to know how long its paths may be.
-constexpr int32_t least_depth_of_generations = 6;
+/// Error that sources are made for, over the target's: gathers average theirs over all directions.
+constexpr double source_error = 2;
 /// Spacing of a round's records, in radii that they are thought to have: spheres of that radius cover what
 /// lies within the spacing with a weight of 0.05 at least.
 constexpr float spacing_share = 0.85f;
@@ -96,23 +103,31 @@ class UncoveredPlaces final : public LookUpObserver {
 
 RadianceCacheFill::RadianceCacheFill(RadianceCacheIntegrator& integrator, const CameraRays& camera,
                                      const CacheTarget& target)
-    : integrator_(integrator), camera_(camera), target_(target), stride_(first_stride) {
-  const CacheTechnique& technique = integrator.technique();
-  std::vector<cache::Quantity> quantities{technique.rest, cache::Quantity::irradiance};
-  if (technique.direct) quantities.push_back(*technique.direct);
-  const int32_t max_depth = integrator.settings().max_depth;
-  for (const cache::Quantity quantity : quantities)
-    for (const bool reads : {false, true})
-      makers_[{quantity, reads}] = cache::make_record_maker(
-          quantity, integrator.world(),
-          {.samples = reads ? gathered_samples : traced_samples, .max_depth = max_depth});
-  const bool few_events = max_depth >= 0 && max_depth < least_depth_of_generations;
-  const bool read_others = technique.rest == cache::Quantity::rest;
-  generation_ = target.preview || few_events || !read_others ? 0 : 1;
+    : integrator_(integrator), camera_(camera), target_(target), stride_(first_stride) {}
+
+void RadianceCacheFill::choose_generation() {
+  const cache::Component later{.scattering_order = 1, .quantity = integrator_.technique().rest};
+  const std::vector<cache::Record> pilot = integrator_.pilot().records();
+  double rays = 0;
+  for (const cache::Record& record : pilot) rays += static_cast<double>(record.samples);
+  const bool long_paths = rays > long_paths_rays * first_samples * static_cast<double>(pilot.size());
+  const bool can_read =
+      later.quantity == cache::Quantity::rest &&
+      cache::reads_records({.component = later}, {.max_depth = integrator_.settings().max_depth});
+  generation_ = long_paths && can_read ? 1 : 0;
 }
 
-const cache::RecordMaker& RadianceCacheFill::maker(const cache::Component& component) const {
-  return *makers_.at({component.quantity, component.scattering_order > 0});
+void RadianceCacheFill::need_maker(const cache::Component& component, uint32_t level) {
+  const bool reads = component.scattering_order > 0;
+  std::unique_ptr<const cache::RecordMaker>& maker = makers_[{component.quantity, reads, level}];
+  if (maker) return;
+  const int32_t samples = first_samples << (2 * level);
+  maker = cache::make_record_maker(component.quantity, integrator_.world(),
+                                   {.samples = samples, .max_depth = integrator_.settings().max_depth});
+}
+
+const cache::RecordMaker& RadianceCacheFill::maker(const cache::Component& component, uint32_t level) const {
+  return *makers_.at({component.quantity, component.scattering_order > 0, level});
 }
 
 double RadianceCacheFill::fraction() const {
@@ -128,31 +143,33 @@ uint32_t RadianceCacheFill::next_round() {
         const auto count = static_cast<uint32_t>(
             reads_only ? pilot.count() : std::min<uint64_t>(pilot.count(), records_left()));
         if (count > 0) {
+          need_maker({.quantity = integrator_.technique().rest}, 0);
           round_ = Round::pilot;
           return count;
         }
       }
+      choose_generation();
       publish();
-      return begin_probing();
+      return begin_bands(Round::probing);
     case Round::pilot:
       if (integrator_.settings().most_records > 0) made_ = integrator_.pilot().records();
+      choose_generation();
       publish();
-      return begin_probing();
+      return begin_bands(Round::probing);
     case Round::probing:
       grant_wishes();
       if (!granted_.empty() && ++attempts_ <= most_attempts) {
+        levels_.assign(granted_.size(), 0);
         if (generation_ == 0) return begin_making(Round::making, granted_);
+        for (const cache::Wish& wish : granted_) need_maker(wish.component, 0);
         round_ = Round::finding_sources;
         found_.assign(granted_.size(), {});
         return static_cast<uint32_t>(granted_.size());
       }
       attempts_ = 0;
-      if (stride_ <= (target_.preview ? last_preview_stride : last_stride)) {
-        round_ = Round::done;
-        return 0;
-      }
+      if (stride_ <= (target_.preview ? last_preview_stride : last_stride)) return begin_surveying();
       stride_ /= 2;
-      return begin_probing();
+      return begin_bands(Round::probing);
     case Round::finding_sources:
       grant_sources();
       if (!granted_sources_.empty()) return begin_making(Round::making_sources, granted_sources_);
@@ -162,7 +179,12 @@ uint32_t RadianceCacheFill::next_round() {
       return begin_making(Round::making, granted_);
     case Round::making:
       publish();
-      return begin_probing();
+      return begin_bands(Round::probing);
+    case Round::surveying:
+      return begin_refining();
+    case Round::refining:
+      publish();
+      return begin_surveying();
     case Round::done:
       break;
   }
@@ -172,15 +194,47 @@ uint32_t RadianceCacheFill::next_round() {
 uint32_t RadianceCacheFill::begin_making(Round round, const std::vector<cache::Wish>& wishes) {
   round_ = round;
   made_.assign(wishes.size(), {});
+  const bool sources = round == Round::making_sources;
+  for (size_t i = 0; i < wishes.size(); ++i) need_maker(wishes[i].component, sources ? 0 : levels_[i]);
   return static_cast<uint32_t>(wishes.size());
 }
 
-uint32_t RadianceCacheFill::begin_probing() {
-  round_ = Round::probing;
+uint32_t RadianceCacheFill::begin_bands(Round round) {
+  round_ = round;
   const scene::Window window = camera_.window();
   const int32_t rows = band_strides * stride_;
-  found_.assign(static_cast<size_t>((window.height + rows - 1) / rows), {});
-  return static_cast<uint32_t>(found_.size());
+  const auto bands = static_cast<uint32_t>((window.height + rows - 1) / rows);
+  if (round == Round::probing) found_.assign(bands, {});
+  if (round == Round::surveying) noise_.assign(bands, RecordNoise(*integrator_.published().epoch));
+  return bands;
+}
+
+uint32_t RadianceCacheFill::begin_surveying() {
+  stride_ = surveying_stride;
+  if (refinements_++ < most_refinements && records_left() > 0) return begin_bands(Round::surveying);
+  round_ = Round::done;
+  return 0;
+}
+
+uint32_t RadianceCacheFill::begin_refining() {
+  RecordNoise noise(*integrator_.published().epoch);
+  for (RecordNoise& band : noise_) noise.append(std::move(band));
+  granted_.clear();
+  levels_.clear();
+  const cache::RecordSet& set = integrator_.published().epoch->records();
+  for (const auto& [index, place] : noise.noisy(noise_share * target_.error)) {
+    const cache::ComponentRange& range = index->range();
+    // Levels come one after the other, so that their number tells the next.
+    const uint32_t level = range.end(place) - range.begin(place);
+    if (level > most_level || granted_.size() >= records_left()) continue;
+    granted_.push_back({set.position(range, place), set.normal(range, place), range.component});
+    levels_.push_back(level);
+  }
+  if (granted_.empty()) {
+    round_ = Round::done;
+    return 0;
+  }
+  return begin_making(Round::refining, granted_);
 }
 
 void RadianceCacheFill::run(uint32_t task, RayCounters& counters) {
@@ -189,8 +243,16 @@ void RadianceCacheFill::run(uint32_t task, RayCounters& counters) {
     case Round::pilot:
       integrator_.pilot().make(task, maker({.quantity = integrator_.technique().rest}), counters);
       break;
-    case Round::probing:
-      probe(task, counters);
+    case Round::probing: {
+      UncoveredPlaces uncovered(integrator_.published().typical_radius);
+      observe_band(
+          task, uncovered, [] {}, counters);
+      found_[task] = std::move(uncovered).places();
+      break;
+    }
+    case Round::surveying:
+      observe_band(
+          task, noise_[task], [&] { noise_[task].end_ray(); }, counters);
       break;
     case Round::finding_sources:
       find_sources(task, counters);
@@ -199,7 +261,9 @@ void RadianceCacheFill::run(uint32_t task, RayCounters& counters) {
       made_[task] = maker(granted_sources_[task].component).make(granted_sources_[task], nullptr, counters);
       break;
     case Round::making:
-      made_[task] = maker(granted_[task].component).make(granted_[task], sources_.get(), counters);
+    case Round::refining:
+      made_[task] =
+          maker(granted_[task].component, levels_[task]).make(granted_[task], sources_.get(), counters);
       break;
     case Round::begin:
     case Round::done:
@@ -207,9 +271,10 @@ void RadianceCacheFill::run(uint32_t task, RayCounters& counters) {
   }
 }
 
-void RadianceCacheFill::probe(uint32_t band, RayCounters& counters) {
+template <typename EndRay>
+void RadianceCacheFill::observe_band(uint32_t band, LookUpObserver& observer, const EndRay& end_ray,
+                                     RayCounters& counters) const {
   const scene::Window window = camera_.window();
-  UncoveredPlaces uncovered(integrator_.published().typical_radius);
   const int32_t first = static_cast<int32_t>(band) * band_strides * stride_;
   const int32_t last = std::min(first + band_strides * stride_, window.height);
   for (int32_t y = first + stride_ / 2; y < last; y += stride_) {
@@ -219,10 +284,10 @@ void RadianceCacheFill::probe(uint32_t band, RayCounters& counters) {
       const auto film_y = static_cast<uint32_t>(window.y + y);
       RandomStream random(0, film_x, film_y, 0, probe_stream);
       const Ray ray = camera_.sample(film_x, film_y, random);
-      integrator_.observe(ray, random, counters, uncovered);
+      integrator_.observe(ray, random, counters, observer);
+      end_ray();
     }
   }
-  found_[band] = std::move(uncovered).places();
 }
 
 void RadianceCacheFill::grant_wishes() {
@@ -272,7 +337,7 @@ void RadianceCacheFill::publish() {
   integrator_.publish(
       {std::make_shared<const cache::Epoch>(records, metric), generation_, piloted.typical_radius}, made);
   if (generation_ == 0) return;
-  const PilotedMetric of_sources = pilot_metric(source_error);
+  const PilotedMetric of_sources = pilot_metric(source_error * target_.error);
   sources_ = std::make_shared<const cache::Epoch>(records, metric_of(of_sources));
   sources_radius_ = of_sources.typical_radius;
 }

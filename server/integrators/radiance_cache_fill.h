@@ -4,10 +4,12 @@
 #pragma once
 
 #include <map>
+#include <tuple>
 #include <vector>
 
 #include "cache/thinning.h"
 #include "integrators/radiance_cache.h"
+#include "integrators/record_noise.h"
 
 namespace fogbank::integrators {
 
@@ -21,18 +23,38 @@ class RadianceCacheFill final : public Preparation {
 
  private:
   /// Pilot once a job; then, stride after stride of pixels, probing and making until nothing is uncovered.
-  /// What records of a later generation read is made before them, where it isn't there.
-  enum class Round : uint8_t { begin, pilot, probing, finding_sources, making_sources, making, done };
+  /// What records of a later generation read is made before them, where it isn't there. In the end places
+  /// that make noise get further records, each of four times the samples of the one before.
+  enum class Round : uint8_t {
+    begin,
+    pilot,
+    probing,
+    finding_sources,
+    making_sources,
+    making,
+    surveying,
+    refining,
+    done
+  };
 
-  uint32_t begin_probing();
+  /// Of the records that the camera is to see; needs the pilot.
+  void choose_generation();
+  /// Of a round that looks at the camera's rays, a band of pixels a task.
+  uint32_t begin_bands(Round round);
+  uint32_t begin_surveying();
+  uint32_t begin_refining();
   uint32_t begin_making(Round round, const std::vector<cache::Wish>& wishes);
-  /// Camera rays through a band of pixels, `stride_` apart.
-  void probe(uint32_t band, RayCounters& counters);
+  /// Camera rays through a band of pixels, `stride_` apart, looked at by `observer`; `end_ray()` after each.
+  template <typename EndRay>
+  void observe_band(uint32_t band, LookUpObserver& observer, const EndRay& end_ray,
+                    RayCounters& counters) const;
   void grant_wishes();
   /// Places that the granted wish `number` reads and no record of the generation before reaches.
   void find_sources(uint32_t number, RayCounters& counters);
   void grant_sources();
-  const cache::RecordMaker& maker(const cache::Component& component) const;
+  /// Record number `level` of a place. Makes the maker if need be: not while tasks run.
+  void need_maker(const cache::Component& component, uint32_t level);
+  const cache::RecordMaker& maker(const cache::Component& component, uint32_t level = 0) const;
   uint64_t records_left() const;  ///< that the job may still make
   void publish();
   PilotedMetric pilot_metric(double error) const;
@@ -42,8 +64,8 @@ class RadianceCacheFill final : public Preparation {
   RadianceCacheIntegrator& integrator_;
   const CameraRays& camera_;
   CacheTarget target_;
-  std::map<std::pair<cache::Quantity, bool>, std::unique_ptr<const cache::RecordMaker>>
-      makers_;                                   ///< by quantity and whether they read records
+  /// By quantity, whether they read records, and level.
+  std::map<std::tuple<cache::Quantity, bool, uint32_t>, std::unique_ptr<const cache::RecordMaker>> makers_;
   uint8_t generation_ = 0;                       ///< that the camera is to see
   std::shared_ptr<const cache::Epoch> sources_;  ///< with the extents that are good enough for sources
   float sources_radius_ = 0;                     ///< typical
@@ -51,7 +73,10 @@ class RadianceCacheFill final : public Preparation {
   int32_t stride_ = 0;
   int32_t attempts_ = 0;                               ///< rounds of making at this stride
   std::vector<std::vector<cache::SpacedWish>> found_;  ///< by band
+  std::vector<RecordNoise> noise_;                     ///< by band
+  int32_t refinements_ = 0;
   std::vector<cache::Wish> granted_;
+  std::vector<uint32_t> levels_;  ///< of granted_
   std::vector<cache::Wish> granted_sources_;
   std::vector<cache::Record> made_;  ///< one for each of granted_, or of granted_sources_
 };

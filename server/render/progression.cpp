@@ -131,11 +131,10 @@ std::optional<double> Progression::finer_target(const Standing& standing) {
     return std::fmax(cautious_factor * stage_error_, RenderLimits::smallest_error);
   }
   if (settings_.record_budget > 0 && settings_.error == 0) return std::nullopt;
-  if (stage_error_ > aim_) {
-    return settings_.error > 0 ? std::fmax(stage_factor * stage_error_, aim_) : aim_;
+  if (settings_.error == 0) {
+    return stage_error_ > aim_ ? std::optional(aim_) : std::nullopt;
   }
-  if (settings_.error == 0 || !standing.noise || standing.bias <= bias_share * settings_.error)
-    return std::nullopt;
+  if (standing.bias <= bias_share * settings_.error) return std::nullopt;
   // The estimate is what counts, not what the stage aimed at; but a bias that doesn't fall won't.
   if (last_bias_ > 0 && standing.bias > worthwhile * last_bias_) {
     prepares_ = false;

@@ -48,6 +48,25 @@ double variance_of_mean(std::span<const double> samples) {
   return count > 0 ? sum / (count * count) : 0;
 }
 
+/// Hessians are never taken for less than this share of themselves: extents would have no bound.
+constexpr double least_hessian_share = 0.25;
+
+/// Takes from derivatives what they are likely to owe to noise (James and Stein 1961, "Estimation with
+/// quadratic loss": the multiple of an estimate with the least expected square error, with its own square for
+/// the unknown one's): gradients that are noise mislead, Hessians that are make extents too small.
+void shrink(derivatives::RadianceJet& jet, const derivatives::DerivativeVariance& variance) {
+  const derivatives::Jet3d luminance = jet.luminance();
+  const double gradient = glm::dot(luminance.gradient, luminance.gradient);
+  const double hessian = luminance.hessian.norm() * luminance.hessian.norm();
+  const double gradient_share = gradient > 0 ? std::max(1 - variance.gradient / gradient, 0.0) : 0;
+  const double hessian_share =
+      hessian > 0 ? std::max(1 - variance.hessian / hessian, least_hessian_share) : 0;
+  for (derivatives::Jet3d& channel : jet.channels) {
+    channel.gradient *= gradient_share;
+    channel.hessian *= hessian_share;
+  }
+}
+
 /// Nearest distance by direction of the lines of sight and of the outlines between them. Bins that none of
 /// these falls into take what lines nearby found.
 DepthBins depth_bins(const derivatives::SphereSamples& samples) {
@@ -101,8 +120,9 @@ Record RestRecordMaker::make(const Wish& wish, const Epoch* sources, RayCounters
     const derivatives::LightSources light{source, source};
     const int32_t medium = wish.component.medium;
     derivatives::RadianceJet sum =
-        surfaces_.estimate_from(light, wish.position, medium, surfaces_repeat, on_surfaces, counters);
-    sum += medium_.estimate_from(light, wish.position, medium, medium_repeat, in_medium, counters);
+        medium_.estimate_from(light, wish.position, medium, medium_repeat, in_medium, counters);
+    shrink(sum, in_medium.medium_variance);
+    sum += surfaces_.estimate_from(light, wish.position, medium, surfaces_repeat, on_surfaces, counters);
     return sum;
   };
   const derivatives::RadianceJet jet =
