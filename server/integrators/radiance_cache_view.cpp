@@ -41,8 +41,6 @@ class ViewSums final : public LookUpObserver {
       disagreement += sums.difference * sums.difference;
     }
     const double square = std::max(disagreement - checked_variance, 0.0) + bound_ * bound_;
-    fprintf(stderr, "V %g %g %g %g\n", std::sqrt(std::max(disagreement, 0.)), std::sqrt(checked_variance),
-            std::sqrt(variance), bound_);
     return {.radius = static_cast<float>(radius_ / weight_),
             .record_density = static_cast<float>(records_ / weight_),
             .rejected = static_cast<float>(rejected_ / weight_),

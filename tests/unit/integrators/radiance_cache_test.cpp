@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <bit>
 #include <cmath>
 
@@ -214,6 +215,34 @@ TEST(RadianceCache, ViewTellsWhatLooksUpRestOn) {
   EXPECT_GE(view.record_density, 0.5f);
   EXPECT_GT(view.variance, 0);
   EXPECT_GT(view.bias, 0);
+}
+
+TEST(RadianceCache, FinerTargetsPutMoreSamplesBehindRecords) {
+  const auto world = transport::test::parse_world(fog("0.5", "0.8") + room(diffuse_plate));
+  const TestCamera camera(world->scene().sensor, 16, 16);
+  std::array<double, 2> variances{};
+  for (size_t i = 0; i < 2; ++i) {
+    IntegratorSettings settings;
+    settings.cache = std::make_shared<cache::SceneCache>();
+    settings.most_records = 4000;
+    const auto integrator = make("radiance-cache", world, settings);
+    // Few extents in both: what differs is the noise that is tolerable.
+    prepare(*integrator, camera, {.error = i == 0 ? 0.3 : 0.05, .preview = true}, 2);
+    size_t more = 0;
+    for (const cache::ComponentRange& range : settings.cache->records()->components())
+      more += range.record_count - range.place_count;
+    if (i == 1) {
+      EXPECT_GT(more, 10u);
+    }
+    RayCounters counters;
+    for (uint32_t y = 0; y < 16; ++y)
+      for (uint32_t x = 0; x < 16; ++x) {
+        RandomStream random(0, x, y, 0);
+        const Ray ray = camera.sample(x, y, random);
+        variances[i] += static_cast<double>(integrator->cache_view(ray, random, counters).variance);
+      }
+  }
+  EXPECT_LT(variances[1], 0.5 * variances[0]);
 }
 
 TEST(RadianceCache, NothingToSeeIsBlackAndNeedsNothing) {
