@@ -138,6 +138,7 @@ uint32_t RadianceCacheFill::next_round() {
   switch (round_) {
     case Round::begin:
       if (CachePilot& pilot = integrator_.pilot(); pilot.records().empty()) {
+        pilot.recall(*integrator_.cache().records());
         // Who only reads looks at how bright the scene is all the same.
         const bool reads_only = integrator_.settings().most_records == 0;
         const auto count = static_cast<uint32_t>(
@@ -336,7 +337,7 @@ void RadianceCacheFill::publish() {
   metric.footprints = {{camera_.position(), camera_.pixel_angle()}};
   integrator_.publish(
       {std::make_shared<const cache::Epoch>(records, metric), generation_, piloted.typical_radius}, made);
-  if (generation_ == 0) return;
+  if (generation_ == 0 || (round_ != Round::making_sources && sources_)) return;
   const PilotedMetric of_sources = pilot_metric(source_error * target_.error);
   sources_ = std::make_shared<const cache::Epoch>(records, metric_of(of_sources));
   sources_radius_ = of_sources.typical_radius;

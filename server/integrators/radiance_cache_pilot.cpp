@@ -1,7 +1,9 @@
 #include "integrators/radiance_cache_pilot.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
 
 #include "cache/eigen.h"
 #include "integrators/radiance_cache.h"
@@ -65,7 +67,30 @@ std::optional<Vec3f> CachePilot::place(uint32_t number) const {
   return std::nullopt;
 }
 
+void CachePilot::recall(const cache::RecordSet& set) {
+  for (const cache::ComponentRange& range : set.components()) {
+    const cache::Component& component = range.component;
+    const auto medium = std::ranges::find(media_, component.medium);
+    if (medium == media_.end() || component != cache::Component{component.medium, 0, 0, quantity_}) continue;
+    const auto first = static_cast<uint32_t>(medium - media_.begin()) * places_per_medium;
+    std::map<std::array<float, 3>, uint32_t> wanted;
+    for (uint32_t number = first; number < first + places_per_medium; ++number)
+      if (const std::optional<Vec3f> position = place(number))
+        wanted[{position->x, position->y, position->z}] = number;
+    for (uint32_t i = 0; i < range.place_count; ++i) {
+      const Vec3f position = set.position(range, i);
+      const auto found = wanted.find({position.x, position.y, position.z});
+      if (found == wanted.end()) continue;
+      size_t fewest = range.first_record + range.begin(i);
+      for (size_t record = fewest; record < range.first_record + range.end(i); ++record)
+        if (set.samples(record) < set.samples(fewest)) fewest = record;
+      records_[found->second] = set.record(fewest);
+    }
+  }
+}
+
 void CachePilot::make(uint32_t number, const cache::RecordMaker& maker, RayCounters& counters) {
+  if (records_[number]) return;
   const std::optional<Vec3f> position = place(number);
   if (!position) return;
   const cache::Component component{media_[number / places_per_medium], 0, 0, quantity_};

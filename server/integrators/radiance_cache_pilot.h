@@ -27,7 +27,9 @@ class CachePilot {
 
   /// Places, tasks of `make`.
   uint32_t count() const { return static_cast<uint32_t>(records_.size()); }
-  /// Record of a place; nothing where the medium wasn't found. Needs scene::prepare_render_thread. Any
+  /// Takes the records that are there already: those of the fewest samples, which `make` would make again.
+  void recall(const cache::RecordSet& set);
+  /// Record of a place, unless it was recalled; nothing where the medium wasn't found. Needs scene::prepare_render_thread. Any
   /// thread.
   void make(uint32_t number, const cache::RecordMaker& maker, RayCounters& counters);
   std::vector<cache::Record> records() const;
