@@ -1,5 +1,6 @@
 #include "scene/loader.h"
 
+#include <algorithm>
 #include <chrono>
 
 #include "scene/bounds.h"
@@ -59,6 +60,16 @@ void build(const std::vector<ObjectPointer>& objects, SceneBuilder& builder) {
     scene.warnings.push_back("the scene has no <sensor>; a perspective camera at the origin is used");
 }
 
+/// Fog that scatters to all sides alike is what records of the cache hold; elsewhere paths do as well.
+std::string default_integrator(const Scene& scene) {
+  const bool fog = std::ranges::any_of(scene.media, [](const Medium& medium) {
+    const Spectrum sigma_s = medium.sigma_s();
+    return (sigma_s.x > 0 || sigma_s.y > 0 || sigma_s.z > 0) &&
+           (medium.phase == nullptr || medium.phase->type == "isotropic");
+  });
+  return fog ? "radiance-cache" : "volpath";
+}
+
 }  // namespace
 
 std::shared_ptr<Scene> load_scene(const std::string& main_path, std::shared_ptr<FileSource> files,
@@ -75,6 +86,7 @@ std::shared_ptr<Scene> load_scene(const std::string& main_path, std::shared_ptr<
   SceneBuilder builder(*scene, *files, hashes);
   build(parsed.objects, builder);
   scene->bounds = surface_bounds(*scene);
+  scene->defaults.integrator = default_integrator(*scene);
   // Shapes are checked one by one; only an instance's transform can still lead beyond.
   if (!(scene->bounds.radius <= 4 * LoadLimits::coordinate))
     throw Error(ErrorKind::invalid_argument, "COORDINATE_TOO_LARGE",

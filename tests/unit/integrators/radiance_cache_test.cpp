@@ -198,6 +198,19 @@ TEST(RadianceCache, SecondCameraReusesWhatTheFirstOneLeftInOneProcessOrAcrossARe
   EXPECT_EQ(outcomes[0], outcomes[1]);
 }
 
+TEST(RadianceCache, TheSameCameraNeedsNextToNothingMore) {
+  const auto world = transport::test::parse_world(fog("0.5", "0.8") + room(diffuse_plate));
+  const TestCamera camera(world->scene().sensor, 32, 32);
+  IntegratorSettings settings;
+  settings.cache = std::make_shared<cache::SceneCache>();
+  prepare(*make("radiance-cache", world, settings), camera, {.error = 0.3}, 2);
+  const auto again = make("radiance-cache", world, settings);
+  prepare(*again, camera, {.error = 0.3}, 2);
+  // The last records of a stride may shrink extents that covered the strides before.
+  EXPECT_GT(again->cache_counts().records_reused, 50u);
+  EXPECT_LE(again->cache_counts().records_new, again->cache_counts().records_reused / 20);
+}
+
 TEST(RadianceCache, ViewTellsWhatLooksUpRestOn) {
   const auto world = transport::test::parse_world(fog("0.5", "0.8") + room(diffuse_plate));
   const TestCamera camera(world->scene().sensor, 16, 16);
