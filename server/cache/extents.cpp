@@ -18,13 +18,20 @@ struct Field {
   float radiance;  ///< luminance
   Vec3f gradient;  ///< of the luminance
   float variance;
+  float proxy;  ///< of ratios; 1 for others
 };
 
 Field field_of(const Place& place) {
   Vec3f gradient;
   for (int axis = 0; axis < 3; ++axis)
     gradient[axis] = luminance({place.gradient[0][axis], place.gradient[1][axis], place.gradient[2][axis]});
-  return {place.quantity, place.position, place.normal, luminance(place.radiance), gradient, place.variance};
+  return {place.quantity,
+          place.position,
+          place.normal,
+          luminance(place.radiance),
+          gradient,
+          place.variance,
+          place.quantity == Quantity::ratio ? place.proxy : 1.0f};
 }
 
 void lower(float& value, float candidate) {
@@ -56,7 +63,9 @@ std::vector<float> verified_scales(const RecordSet& set, const ComponentRange& r
   std::vector<float> scales(range.place_count, 1.0f);
   tbb::parallel_for(uint32_t{0}, range.place_count, [&](uint32_t j) {
     const Field& probe = fields[j];
-    const double probe_reference = reference_radiance(settings, static_cast<double>(probe.radiance));
+    // Predictions of a ratio count by what they make of the proxy at the probe.
+    const auto proxy = static_cast<double>(probe.proxy);
+    const double probe_reference = reference_radiance(settings, static_cast<double>(probe.radiance) * proxy);
     tree.search(
         positions, PointBundle(std::span(&probe.position, 1)), [&](const uint32_t* found, uint32_t count) {
           for (uint32_t n = 0; n < count; ++n) {
@@ -73,12 +82,14 @@ std::vector<float> verified_scales(const RecordSet& set, const ComponentRange& r
             const float predicted =
                 extrapolated(record.quantity, record.radiance, glm::dot(record.gradient, offset));
             const double error =
-                std::fabs(static_cast<double>(predicted) - static_cast<double>(probe.radiance));
+                std::fabs(static_cast<double>(predicted) - static_cast<double>(probe.radiance)) * proxy;
             const double reference =
-                std::max(reference_radiance(settings, static_cast<double>(record.radiance)), probe_reference);
+                std::max(reference_radiance(settings, static_cast<double>(record.radiance * record.proxy)),
+                         probe_reference);
             // Two standard deviations are left to noise: what it explains is no contradiction.
             const double noise =
-                2 * std::sqrt(static_cast<double>(record.variance) + static_cast<double>(probe.variance));
+                2 * proxy *
+                std::sqrt(static_cast<double>(record.variance) + static_cast<double>(probe.variance));
             const double tolerance = tolerance_of(settings, ellipsoids[i], record) * reference + noise;
             if (error > tolerance)
               lower(scales[i],
@@ -106,7 +117,9 @@ double verify_tolerance_on_surface(double threshold, const Ellipsoid& ellipsoid)
 }
 
 std::vector<Ellipsoid> guarded_ellipsoids(const RecordSet& set, const ComponentRange& range,
-                                          const MetricSettings& settings) {
+                                          const MetricSettings& common) {
+  MetricSettings settings = common;
+  if (range.component.quantity == Quantity::ratio) settings.radiance_floor = common.direct_floor;
   std::vector<Ellipsoid> ellipsoids(range.place_count);
   std::vector<Field> fields(range.place_count);
   std::vector<float> minima(range.place_count);

@@ -5,6 +5,7 @@
 
 #include "cache/extents.h"
 #include "core/sha256.h"
+#include "derivatives/light_proxy.h"
 
 namespace fogbank::cache {
 namespace {
@@ -55,6 +56,7 @@ Index::Index(std::shared_ptr<const RecordSet> set, const ComponentRange& range,
   floor_ = quantity == Quantity::rest || quantity == Quantity::irradiance
                ? static_cast<float>(settings.radiance_floor)
                : infinity;
+  greatest_ = quantity == Quantity::ratio ? derivatives::LightProxy::most_ratio : greatest_value;
   const std::vector<Ellipsoid> ellipsoids = guarded_ellipsoids(*set_, range, settings);
   tree_ = EllipsoidTree(set_->positions(range), range.place_count, [&](uint32_t i) { return ellipsoids[i]; });
 }
@@ -100,7 +102,7 @@ Interpolation Index::look_up(const Vec3f& point, const Vec3f& normal) const {
 }
 
 Spectrum Index::ceiling(const Spectrum& radiance) const {
-  return glm::min(greatest_growth * glm::max(radiance, Spectrum(floor_)), Spectrum(greatest_value));
+  return glm::min(greatest_growth * glm::max(radiance, Spectrum(floor_)), Spectrum(greatest_));
 }
 
 void Index::add_on_surface(const Vec3f& point, const Vec3f& normal, uint32_t place, Interpolation& result,

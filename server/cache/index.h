@@ -76,8 +76,9 @@ class Index {
   const ComponentRange* range_;
   EllipsoidTree tree_;
   bool depth_guard_;
-  float floor_ =
-      0;  ///< MetricSettings::radiance_floor; infinite for other quantities than rest and irradiance
+  /// MetricSettings::radiance_floor; infinite for other quantities than rest and irradiance.
+  float floor_ = 0;
+  float greatest_ = 0;  ///< that a look-up may say
 };
 
 /// A set of records ready for look-ups at one threshold: an epoch as it is published.

@@ -29,6 +29,7 @@ void validate(const MetricSettings& settings) {
   if (!positive(settings.threshold)) refuse("threshold", "positive");
   if (!positive(settings.first_order_change)) refuse("first_order_change", "positive");
   if (!positive(settings.radiance_floor)) refuse("radiance_floor", "positive");
+  if (!positive(settings.direct_floor)) refuse("direct_floor", "positive");
   if (!(settings.maximum_anisotropy >= 1 && settings.maximum_anisotropy <= 1e4))
     refuse("maximum_anisotropy", "between 1 and 10000");
   if (!positive(settings.maximum_radius)) refuse("maximum_radius", "positive");
@@ -49,6 +50,7 @@ std::string bytes_of(const MetricSettings& settings) {
   };
   append(settings.threshold);
   append(settings.radiance_floor);
+  append(settings.direct_floor);
   append(settings.reference);
   append(settings.shape);
   append(settings.maximum_anisotropy);
@@ -233,13 +235,23 @@ float extrapolated(Quantity quantity, float radiance, float change) {
   return radiance > 0 ? radiance * std::min(std::exp(change / radiance), greatest_brightening) : 0.0f;
 }
 
-Ellipsoid base_ellipsoid(const MetricSettings& settings, const Place& place) {
-  if (is_unaware(place.quantity)) {
+Place as_radiance(Place place) {
+  if (place.quantity != Quantity::ratio) return place;
+  place.radiance *= place.proxy;
+  for (Vec3f& gradient : place.gradient) gradient *= place.proxy;
+  place.hessian *= place.proxy;
+  place.variance *= place.proxy * place.proxy;
+  return place;
+}
+
+Ellipsoid base_ellipsoid(const MetricSettings& settings, const Place& stored) {
+  if (is_unaware(stored.quantity)) {
     Ellipsoid sphere{{Vec3f(1, 0, 0), Vec3f(0, 1, 0), Vec3f(0, 0, 1)}, {}};
     sphere.semi_axes.fill(static_cast<float>(
-        std::min(settings.maximum_radius, settings.first_order_change * static_cast<double>(place.proxy))));
+        std::min(settings.maximum_radius, settings.first_order_change * static_cast<double>(stored.proxy))));
     return sphere;
   }
+  const Place place = as_radiance(stored);
   Symmetric3d hessian;
   for (size_t i = 0; i < hessian.entries.size(); ++i)
     hessian.entries[i] = static_cast<double>(place.hessian.entries[i]);

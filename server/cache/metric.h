@@ -51,6 +51,7 @@ struct MetricSettings {
   /// to it, if all samples change alike. > 0.
   double first_order_change = 0.2;
   double radiance_floor = 0;  ///< > 0; in the unit of radiance
+  double direct_floor = 1;    ///< the same for ratios, of what they stand for (as_radiance)
   Reference reference = Reference::local;
   Shape shape = Shape::ellipsoid;
   double maximum_anisotropy = 3;           ///< ratio of the longest to the shortest semi-axis, 1 to 1e4
@@ -121,6 +122,10 @@ float minimum_radius(const MetricSettings& settings, const Vec3f& position);
 /// (method.md section 11) or, of is_unaware() quantities, the logarithm's (Jarosz et al. 2008), which may
 /// brighten at most fourfold, because below the minimum radius nothing else bounds it.
 float extrapolated(Quantity quantity, float radiance, float change);
+
+/// What a ratio stands for near its place, with the proxy as it is there (ratio-records.md section 1: the
+/// error in M is Mhat times that of rho); other quantities as they are.
+Place as_radiance(Place place);
 
 /// Extent of a place by itself, on a surface (Place::normal) of two dimensions and flat across: metric,
 /// maximum radius, cap by the gradient (extrapolation stays positive), visibility margin. Guards that need

@@ -1,6 +1,7 @@
 // Record makers by quantity. A new one is its own file and one line here.
 #include "cache/record_maker.h"
 #include "cache/record_makers/irradiance.h"
+#include "cache/record_makers/ratio.h"
 #include "cache/record_makers/rest.h"
 #include "cache/record_makers/unaware.h"
 #include "core/error.h"
@@ -18,6 +19,8 @@ std::unique_ptr<RecordMaker> make_record_maker(Quantity quantity,
     case Quantity::unaware_rest:
     case Quantity::unaware_direct:
       return std::make_unique<UnawareRecordMaker>(quantity, std::move(world), settings);
+    case Quantity::ratio:
+      return std::make_unique<RatioRecordMaker>(std::move(world), settings);
     default:
       throw Error(ErrorKind::invalid_argument, "INVALID_SETTINGS",
                   "record maker: nobody makes this quantity");

@@ -26,8 +26,7 @@ namespace fogbank::integrators {
 enum class SingleScattering : uint8_t {
   automatic,  ///< by predicted cost, as the plan says
   direct,     ///< sampled by the unoccluded proxy: unbiased
-  guided,     ///< sampled by proxy times cached ratio, which is a control variate too: unbiased
-  cached,     ///< proxy times cached ratio
+  cached,     ///< proxy times cached ratio, where a light has one
 };
 
 struct IntegratorSettings {
@@ -39,8 +38,19 @@ struct IntegratorSettings {
   SingleScattering single_scattering = SingleScattering::automatic;
   int64_t most_records = int64_t{1} << 24;  ///< that one job makes; 0: it only reads those that are there
   bool spheres = false;                     ///< isotropic extents instead of ellipsoids
+  /// What decisions by predicted cost reckon with: camera samples that the records are for, all pixels of all
+  /// pictures, and the relative error that is wanted.
+  int64_t expected_samples = int64_t{1} << 20;
+  double expected_error = 0.02;
   /// The scene's records, shared with other jobs; null: the integrator keeps its own.
-  std::shared_ptr<cache::SceneCache> cache;
+  std::shared_ptr<cache::SceneCache> cache = nullptr;
+};
+
+/// What an integrator settled for a picture, for people.
+struct Decision {
+  std::string what;    ///< e.g. "ratio records of \"lamp\""
+  bool on = false;     ///< whether it is done
+  std::string reason;  ///< a sentence without its full stop
 };
 
 /// One sample of a pixel, linear sRGB, both parts finite and >= 0.
@@ -112,6 +122,8 @@ class Integrator {
   }
   /// While no task and no pass runs.
   virtual CacheCounts cache_counts() const { return {}; }
+  /// Of the first preparation; while no task and no pass runs.
+  virtual std::vector<Decision> decisions() const { return {}; }
   /// As last published; null: none yet, or no cache.
   virtual std::shared_ptr<const cache::Epoch> epoch() const { return nullptr; }
   virtual CacheView cache_view(const Ray& /*ray*/, RandomStream& /*random*/,
@@ -129,6 +141,7 @@ struct IntegratorInfo {
   std::string name;
   std::string summary;
   bool cached = false;  ///< reads and fills IntegratorSettings::cache
+  bool single_scattering = false;  ///< IntegratorSettings::single_scattering is its to obey
 };
 std::vector<IntegratorInfo> supported_integrators();
 

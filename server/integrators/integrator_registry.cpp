@@ -24,8 +24,10 @@ const std::vector<Entry>& entries() {
          return std::make_unique<VolumetricPathTracer>(std::move(world), settings);
        }},
       {{.name = "radiance-cache",
-        .summary = "sampled direct light; reflected and scattered light from a cache that sees occlusion",
-        .cached = true},
+        .summary = "reflected and scattered light from a cache that sees occlusion; direct light sampled, or "
+                   "cached where that is cheaper",
+        .cached = true,
+        .single_scattering = true},
        [](std::shared_ptr<const transport::World> world,
           const IntegratorSettings& settings) -> std::unique_ptr<Integrator> {
          return std::make_unique<RadianceCacheIntegrator>(std::move(world), settings);

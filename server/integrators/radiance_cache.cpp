@@ -166,6 +166,8 @@ PixelSample RadianceCacheIntegrator::from_medium(const Walk& walk, const MediumS
     sum = from_cache(walk, segment, *technique_.direct, random, counters);
   else if (walk.observer == nullptr)
     sum = single_scattering_.sample(segment, walk.medium, published_.epoch.get(), random, counters);
+  else
+    single_scattering_.observe(segment, walk.medium, published_.epoch.get(), walk.throughput, *walk.observer);
   // One scattering event more than for direct light.
   if (settings_.max_depth >= 0 && walk.depth + 2 >= settings_.max_depth) return sum;
   if (!is_cached(medium)) {
@@ -436,6 +438,7 @@ void RadianceCacheIntegrator::observe(const Ray& ray, RandomStream& random, RayC
 
 std::unique_ptr<Preparation> RadianceCacheIntegrator::prepare(const CameraRays& camera,
                                                               const CacheTarget& target) {
+  if (!technique_.direct) single_scattering_.decide(settings_, camera, *cache_->records());
   return std::make_unique<RadianceCacheFill>(*this, camera, target);
 }
 

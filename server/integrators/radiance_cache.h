@@ -45,6 +45,7 @@ class RadianceCacheIntegrator final : public Integrator {
   PixelSample sample(const Ray& ray, RandomStream& random, RayCounters& counters) const override;
   std::unique_ptr<Preparation> prepare(const CameraRays& camera, const CacheTarget& target) override;
   CacheCounts cache_counts() const override;
+  std::vector<Decision> decisions() const override { return single_scattering_.decisions(); }
   CacheView cache_view(const Ray& ray, RandomStream& random, RayCounters& counters) const override;
   std::shared_ptr<const cache::Epoch> epoch() const override { return published_.epoch; }
 
@@ -55,6 +56,7 @@ class RadianceCacheIntegrator final : public Integrator {
   std::shared_ptr<const transport::World> world() const { return world_; }
   const IntegratorSettings& settings() const { return settings_; }
   const CacheTechnique& technique() const { return technique_; }
+  const SingleScatteringTerm& single_scattering() const { return single_scattering_; }
   cache::SceneCache& cache() { return *cache_; }
   CachePilot& pilot() { return pilot_; }
   const PublishedCache& published() const { return published_; }

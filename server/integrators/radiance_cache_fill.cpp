@@ -32,6 +32,11 @@ constexpr int32_t most_refinements = 3;
 constexpr int32_t surveying_stride = 8;
 /// Share of a stage's error that the noise of records may have.
 constexpr double noise_share = 0.3;
+/// Share of unoccluded radiance below which relative errors of ratios don't count, and where none is.
+constexpr double direct_floor_share = 0.05;
+constexpr double least_direct_floor = 1e-30;
+/// Of ratios: grids of 8 x 8 cells over a light.
+constexpr int32_t ratio_samples = 1024;
 /// Places that are looked for per record, to see where sources are missing.
 constexpr int32_t source_probes = 32;
 /// Error that sources are made for, over the target's: gathers average theirs over all directions.
@@ -121,9 +126,10 @@ void RadianceCacheFill::need_maker(const cache::Component& component, uint32_t l
   const bool reads = component.scattering_order > 0;
   std::unique_ptr<const cache::RecordMaker>& maker = makers_[{component.quantity, reads, level}];
   if (maker) return;
-  const int32_t samples = first_samples << (2 * level);
-  maker = cache::make_record_maker(component.quantity, integrator_.world(),
-                                   {.samples = samples, .max_depth = integrator_.settings().max_depth});
+  cache::RecordMakerSettings settings{.samples = first_samples << (2 * level),
+                                      .max_depth = integrator_.settings().max_depth};
+  if (component.quantity == cache::Quantity::ratio) settings = {.samples = ratio_samples};
+  maker = cache::make_record_maker(component.quantity, integrator_.world(), settings);
 }
 
 const cache::RecordMaker& RadianceCacheFill::maker(const cache::Component& component, uint32_t level) const {
@@ -327,6 +333,8 @@ uint64_t RadianceCacheFill::records_left() const {
 }
 
 void RadianceCacheFill::publish() {
+  const double direct = integrator_.single_scattering().typical_radiance(integrator_.pilot().records());
+  direct_floor_ = std::max(direct_floor_share * direct, least_direct_floor);
   // The pilot's records may be there already.
   const size_t before = integrator_.cache().records()->size();
   integrator_.cache().add(std::exchange(made_, {}));
@@ -358,6 +366,7 @@ cache::MetricSettings RadianceCacheFill::metric_of(const PilotedMetric& piloted)
   metric.threshold = piloted.threshold;
   metric.first_order_change = piloted.first_order_change;
   metric.radiance_floor = piloted.radiance_floor;
+  metric.direct_floor = direct_floor_;
   metric.minimum_radius = least_radius * scene_radius();
   metric.shape = integrator_.settings().spheres ? cache::Shape::sphere : cache::Shape::ellipsoid;
   return metric;

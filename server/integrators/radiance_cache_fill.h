@@ -69,6 +69,7 @@ class RadianceCacheFill final : public Preparation {
   uint8_t generation_ = 0;                       ///< that the camera is to see
   std::shared_ptr<const cache::Epoch> sources_;  ///< with the extents that are good enough for sources
   float sources_radius_ = 0;                     ///< typical
+  double direct_floor_ = 1;                      ///< cache::MetricSettings::direct_floor
   Round round_ = Round::begin;
   int32_t stride_ = 0;
   int32_t attempts_ = 0;                               ///< rounds of making at this stride

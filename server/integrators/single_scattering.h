@@ -1,33 +1,57 @@
 // Light that is scattered exactly once between an emitter and a segment's origin: the part of a picture that
-// has techniques of its own (ratio-records.md).
+// has techniques of its own (ratio-records.md). Per light: sampled by its closed-form unoccluded proxy, or
+// that proxy times the cached share of it that arrives.
 #pragma once
 
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "cache/index.h"
-#include "cache/record_maker.h"
-#include "integrators/integrator.h"
+#include "integrators/look_up_observer.h"
+#include "integrators/single_scattering_plan.h"
+#include "transport/bundle_points.h"
 #include "transport/medium_segment.h"
 #include "transport/world.h"
 
 namespace fogbank::integrators {
 
-/// Immutable; one instance serves all threads.
+/// One instance serves all threads; changed by `decide` alone.
 class SingleScatteringTerm {
  public:
-  explicit SingleScatteringTerm(std::shared_ptr<const transport::World> world) : world_(std::move(world)) {}
+  explicit SingleScatteringTerm(std::shared_ptr<const transport::World> world);
+
+  /// Settles, once, which lights are looked up, by the settings or by predicted cost. `records`: what is
+  /// there. While nothing is rendered.
+  void decide(const IntegratorSettings& settings, const CameraRays& camera, const cache::RecordSet& records);
+  std::vector<Decision> decisions() const;
+  /// Whether any light is looked up.
+  bool looks_up() const { return looks_up_; }
+
+  /// Mean radiance straight from the lights whose ratios are looked up if nothing blocked them, mean over the
+  /// places of `records`, luminance.
+  double typical_radiance(std::span<const cache::Record> records) const;
 
   /// Radiance scattered once in `segment`, through `medium`, against its direction, with the transmittance up
-  /// to its origin; one sample of it. `epoch` may be null.
+  /// to its origin; one sample of it. `epoch` may be null. Where no record reaches, light is sampled.
   PixelSample sample(const transport::MediumSegment& segment, int32_t medium, const cache::Epoch* epoch,
                      RandomStream& random, RayCounters& counters) const;
-  /// Adds the places of `segment` that `sample` would look up and that no record reaches.
-  void find_uncovered(const transport::MediumSegment& segment, int32_t medium, const cache::Epoch* epoch,
-                      std::vector<cache::Wish>& uncovered) const;
+  /// Tells of look-ups that `sample` would make along `segment`; `throughput` weighs them.
+  void observe(const transport::MediumSegment& segment, int32_t medium, const cache::Epoch* epoch,
+               const Spectrum& throughput, LookUpObserver& observer) const;
 
  private:
+  /// A light's proxy, null where the light is sampled, with the records of its ratio, null where none are.
+  struct Cached {
+    const derivatives::LightProxy* proxy = nullptr;
+    const cache::Index* index = nullptr;
+  };
+
+  Cached cached(uint32_t light, int32_t medium, const cache::Epoch* epoch) const;
+
   std::shared_ptr<const transport::World> world_;
+  bool looks_up_ = false;
+  std::vector<LightTechnique> techniques_;  ///< by light; empty before decide()
 };
 
 }  // namespace fogbank::integrators

@@ -98,6 +98,7 @@ RenderJob::Implementation::Phase RenderJob::Implementation::begin_preparation(co
     stage_begin = elapsed_seconds();
     ++told.stage;
     told.stage_error = step.target.error;
+    told.decisions = integrator->decisions();
     told.preparation_fraction = 0;
     if (step.latest_end_seconds) {
       preparation_deadline = *start + std::chrono::duration_cast<Clock::duration>(

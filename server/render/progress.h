@@ -3,6 +3,9 @@
 
 #include <cstdint>
 #include <optional>
+#include <vector>
+
+#include "integrators/integrator.h"
 
 namespace fogbank::render {
 
@@ -59,7 +62,8 @@ struct Progress {
   uint64_t epoch = 0;               ///< of the cache, as last published
   uint64_t records_reused = 0;      ///< as integrators::CacheCounts
   uint64_t records_new = 0;
-  ErrorEstimate estimate;  ///< of the last finished pass
+  ErrorEstimate estimate;                        ///< of the last finished pass
+  std::vector<integrators::Decision> decisions;  ///< of the integrator, once it has prepared
 
   bool finished = false;  ///< the image is final (not set by `cancel`)
 };

@@ -23,6 +23,9 @@ constexpr double bias_share = 0.7;
 constexpr double worthwhile = 0.9;
 /// Samples between two looks at the results, as a share of the samples so far: what is done in vain at most.
 constexpr double looks_apart = 0.25;
+/// Relative noise and seconds of one sample of a pixel, typically: for predictions of cost alone.
+constexpr double noise_of_a_sample = 0.12;
+constexpr double seconds_of_a_camera_sample = 8e-6;
 /// Samples behind an estimate of noise that is believed.
 constexpr uint64_t least_samples_of_film = 1024;
 constexpr uint32_t least_samples_of_pixel = 4;
@@ -42,6 +45,20 @@ constexpr double most_growth = 8;
 
 double cache_error(const RenderSettings& settings) {
   return settings.error > 0 ? bias_share * settings.error : integrators::CacheTarget{}.error;
+}
+
+integrators::IntegratorSettings integrator_settings(const RenderSettings& settings, int64_t pictures) {
+  integrators::IntegratorSettings result = settings.integrator_settings;
+  const double pixels = static_cast<double>(settings.film.crop.width) * settings.film.crop.height;
+  double samples = settings.samples_per_pixel;
+  if (settings.error > 0)
+    samples = std::fmin(samples, std::ceil(std::pow(noise_of_a_sample / settings.error, 2)));
+  if (settings.time_budget_seconds > 0)
+    samples = std::fmin(samples, settings.time_budget_seconds / (seconds_of_a_camera_sample * pixels));
+  // Far below what a sum of 64 bits holds.
+  result.expected_samples = static_cast<int64_t>(std::fmin(samples * pixels, 1e15)) * pictures;
+  result.expected_error = cache_error(settings);
+  return result;
 }
 
 Progression::Progression(const RenderSettings& settings) : settings_(settings), aim_(cache_error(settings)) {}

@@ -60,20 +60,6 @@ nlohmann::ordered_json sensor_json(const scene::Sensor& sensor) {
   return json;
 }
 
-const char* name_of(integrators::SingleScattering technique) {
-  switch (technique) {
-    case integrators::SingleScattering::automatic:
-      return "auto";
-    case integrators::SingleScattering::direct:
-      return "direct";
-    case integrators::SingleScattering::guided:
-      return "guided";
-    case integrators::SingleScattering::cached:
-      return "cached";
-  }
-  return "";
-}
-
 nlohmann::ordered_json error_json(const ErrorEstimate& estimate) {
   nlohmann::ordered_json json;
   if (estimate.noise) json["noise"] = *estimate.noise;
@@ -95,6 +81,9 @@ nlohmann::ordered_json cache_json(const Progress& progress) {
   json["records_new"] = progress.records_new;
   json["stages"] = progress.stage;
   json["stage_error"] = progress.stage_error;
+  json["decisions"] = nlohmann::ordered_json::array();
+  for (const integrators::Decision& decision : progress.decisions)
+    json["decisions"].push_back({{"what", decision.what}, {"on", decision.on}, {"reason", decision.reason}});
   return json;
 }
 

@@ -20,7 +20,8 @@ std::unique_ptr<integrators::Integrator> make_checked_integrator(
     throw Error(ErrorKind::invalid_argument, "INVALID_RENDER_SETTINGS",
                 "sensor.medium: the scene has no medium " + std::to_string(settings.sensor.medium));
   }
-  return integrators::make_integrator(settings.integrator, std::move(world), settings.integrator_settings);
+  return integrators::make_integrator(settings.integrator, std::move(world),
+                                      integrator_settings(settings, 1));
 }
 
 RenderSettings validated(RenderSettings settings) {

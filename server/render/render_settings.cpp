@@ -110,6 +110,11 @@ constexpr std::array<std::pair<Aov, const char*>, 5> aov_names{{{Aov::radius, "r
                                                                 {Aov::variance, "variance"},
                                                                 {Aov::bias, "bias"}}};
 
+constexpr std::array<std::pair<integrators::SingleScattering, const char*>, 3> single_scattering_names{
+    {{integrators::SingleScattering::automatic, "auto"},
+     {integrators::SingleScattering::direct, "direct"},
+     {integrators::SingleScattering::cached, "cached"}}};
+
 }  // namespace
 
 std::string name_of(Aov aov) {
@@ -125,6 +130,21 @@ Aov parse_aov(const std::string& name) {
   }
   throw Error(ErrorKind::invalid_argument, "UNKNOWN_AOV",
               "there is no AOV \"" + name + "\"; known: " + known);
+}
+
+std::string name_of(integrators::SingleScattering technique) {
+  for (const auto& [known, name] : single_scattering_names)
+    if (known == technique) return name;
+  return {};
+}
+
+integrators::SingleScattering parse_single_scattering(const std::string& name) {
+  std::string known;
+  for (const auto& [technique, known_name] : single_scattering_names) {
+    if (name == known_name) return technique;
+    known += (known.empty() ? "" : ", ") + std::string(known_name);
+  }
+  fail("single_scattering", "there is no \"" + name + "\"; known: " + known);
 }
 
 void validate(const RenderSettings& settings) {

@@ -35,6 +35,11 @@ std::string name_of(Aov aov);
 /// Throws Error(invalid_argument, "UNKNOWN_AOV") naming the known ones.
 Aov parse_aov(const std::string& name);
 
+/// "auto", "direct" or "cached".
+std::string name_of(integrators::SingleScattering technique);
+/// Throws Error(invalid_argument, "INVALID_RENDER_SETTINGS") naming the known ones.
+integrators::SingleScattering parse_single_scattering(const std::string& name);
+
 /// What the image should be, to tell the true error of every pass. `rgb` has the shape of Image::rgb.
 struct ReferenceImage {
   scene::Window window;

@@ -95,9 +95,6 @@ void resolve_cache(const v1::RenderSettings& requested, render::RenderSettings& 
     case v1::SINGLE_SCATTERING_DIRECT:
       settings.single_scattering = integrators::SingleScattering::direct;
       break;
-    case v1::SINGLE_SCATTERING_GUIDED:
-      settings.single_scattering = integrators::SingleScattering::guided;
-      break;
     case v1::SINGLE_SCATTERING_CACHED:
       settings.single_scattering = integrators::SingleScattering::cached;
       break;
@@ -139,12 +136,18 @@ void resolve_cache(const v1::RenderSettings& requested, render::RenderSettings& 
   }
 }
 
+bool splits_light(const std::string& integrator) {
+  const auto all = integrators::supported_integrators();
+  return std::ranges::any_of(
+      all, [&](const auto& info) { return info.name == integrator && info.single_scattering; });
+}
+
 /// What only integrators with a cache understand is refused for others, instead of doing nothing.
 void check_cached(const v1::RenderSettings& requested, const std::string& integrator) {
+  if (requested.single_scattering() != v1::SINGLE_SCATTERING_UNSPECIFIED && !splits_light(integrator))
+    refuse("single_scattering", "the integrator \"" + integrator + "\" has one way for all light");
   if (uses_cache(integrator)) return;
-  const char* field = requested.has_records() ? "records"
-                      : requested.single_scattering() != v1::SINGLE_SCATTERING_UNSPECIFIED
-                          ? "single_scattering"
+  const char* field = requested.has_records()     ? "records"
                       : requested.spheres()       ? "spheres"
                       : requested.aovs_size() > 0 ? "aovs"
                       : requested.has_epoch()     ? "epoch"
@@ -246,7 +249,7 @@ JobSettings resolve_settings(const v1::RenderSettings& requested, const scene::S
   }
 
   effective.set_integrator(engine.integrator);
-  if (uses_cache(engine.integrator) && requested.single_scattering() == v1::SINGLE_SCATTERING_UNSPECIFIED)
+  if (splits_light(engine.integrator) && requested.single_scattering() == v1::SINGLE_SCATTERING_UNSPECIFIED)
     effective.set_single_scattering(v1::SINGLE_SCATTERING_AUTOMATIC);
   effective.set_samples_per_pixel(engine.samples_per_pixel);
   effective.set_width(engine.film.width);

@@ -1,6 +1,8 @@
 #include "service/probe_service.h"
 
+#include "render/picture_plan.h"
 #include "service/answers.h"
+#include "service/job_settings.h"
 #include "service/names.h"
 #include "service/probe_settings.h"
 #include "transport/plan.h"
@@ -25,22 +27,28 @@ grpc::ServerUnaryReactor* ProbeServiceImplementation::GetPlan(grpc::CallbackServ
                 return;
               }
               // Not in the loader's thread, for which scenes may wait.
-              const bool posted =
-                  services_.control.post([world = std::move(world), request, response, reactor] {
-                    grpc::Status status;
-                    try {
-                      const transport::Plan plan(*world, resolve_plan(*request, world->scene()));
-                      for (const transport::PlanTerm& term : plan.terms()) {
-                        v1::PlanTerm& message = *response->add_terms();
-                        message.set_term(term.term);
-                        message.set_on(term.on);
-                        message.set_reason(term.reason);
-                      }
-                    } catch (...) {
-                      status = status_of(std::current_exception());
-                    }
-                    reactor->Finish(status);
-                  });
+              const bool posted = services_.control.post([world = std::move(world), request, response,
+                                                          reactor] {
+                grpc::Status status;
+                try {
+                  const transport::Plan plan(*world, resolve_plan(*request, world->scene()));
+                  const auto add = [response](const std::string& term, bool on, const std::string& reason) {
+                    v1::PlanTerm& message = *response->add_terms();
+                    message.set_term(term);
+                    message.set_on(on);
+                    message.set_reason(reason);
+                  };
+                  for (const transport::PlanTerm& term : plan.terms()) add(term.term, term.on, term.reason);
+                  if (request->order() != v1::PROBE_ORDER_MULTIPLE) {
+                    const JobSettings picture = resolve_settings({}, world->scene(), 1);
+                    for (const integrators::Decision& one : render::picture_plan(*world, picture.engine))
+                      add(one.what, one.on, one.reason);
+                  }
+                } catch (...) {
+                  status = status_of(std::current_exception());
+                }
+                reactor->Finish(status);
+              });
               if (!posted) reactor->Finish(shutting_down_status());
             });
       });

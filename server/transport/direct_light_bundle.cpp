@@ -3,68 +3,18 @@
 #include <array>
 #include <optional>
 
-#include "core/sobol.h"
-
 namespace fogbank::transport {
 
 namespace {
 
 constexpr auto most = static_cast<size_t>(most_bundle_samples);
 
-/// Points of the pixel's sequence, ascending in `first`.
-class Points {
- public:
-  Points(int32_t samples, RandomStream& random) : count_(static_cast<size_t>(samples)) {
-    const std::array<uint32_t, 4> scrambles = random.next_shared();
-    const uint32_t start = random.sample() * static_cast<uint32_t>(samples);
-    std::array<std::array<float, most>, 3> values;
-    for (uint32_t dimension = 0; dimension < 3; ++dimension)
-      scrambled_sobol(start, dimension, scrambles[dimension], std::span(values[dimension]).first(count_));
-    // One point in each interval of the first coordinate.
-    for (size_t i = 0; i < count_; ++i) {
-      const auto place = static_cast<size_t>(values[0][i] * static_cast<float>(count_));
-      first_[place] = values[0][i];
-      others_[place] = {values[1][i], values[2][i]};
-    }
-  }
-
-  std::span<float> first() { return std::span(first_).first(count_); }
-  const Vec2f& others(size_t i) const { return others_[i]; }
-
- private:
-  size_t count_;
-  std::array<float, most> first_;
-  std::array<Vec2f, most> others_;
-};
-
-/// Rays to points of lights with what they would bring.
-class ShadowRays {
- public:
-  void add(const Ray& ray, const Spectrum& radiance) {
-    rays_[count_] = ray;
-    radiance_[count_] = radiance;
-    ++count_;
-  }
-  Spectrum trace(const World& world, int32_t medium, RayCounters& counters) const {
-    std::array<Spectrum, most> visible;
-    world.visibility(std::span(rays_).first(count_), medium, visible, counters);
-    Spectrum sum(0);
-    for (size_t i = 0; i < count_; ++i) sum += radiance_[i] * visible[i];
-    return sum;
-  }
-
- private:
-  size_t count_ = 0;
-  std::array<Ray, most> rays_;
-  std::array<Spectrum, most> radiance_;
-};
-
 }  // namespace
 
 Spectrum in_scattered_radiance_bundle(const World& world, const MediumSegment& segment, int32_t medium_index,
                                       int32_t samples, RandomStream& random, RayCounters& counters) {
   const MediumInfo& medium = *segment.medium;
-  Points points(samples, random);
+  BundlePoints points(samples, random);
   std::array<LightChoice, most> choices;
   world.lights().choose(segment, points.first(), choices);
   std::optional<DistanceTable> table;
@@ -100,7 +50,7 @@ Spectrum reflected_direct_light_bundle(const World& world, const scene::SurfaceI
   if (!bsdf.has_smooth_lobes()) return Spectrum(0);
   const ShadingPoint point = World::shading_point(surface);
   const Vec3f wo = point.frame.to_local(-ray_direction);
-  Points points(samples, random);
+  BundlePoints points(samples, random);
   std::array<LightChoice, most> choices;
   world.lights().choose(receiver_at(world, surface, bsdf, wo.z, medium), points.first(), choices);
   // Light that arrives from behind may come through another medium.

@@ -3,12 +3,10 @@
 #pragma once
 
 #include "core/random.h"
+#include "transport/bundle_points.h"
 #include "transport/direct_light.h"
 
 namespace fogbank::transport {
-
-/// Most samples of a bundle.
-inline constexpr int32_t most_bundle_samples = 64;
 
 /// As in_scattered_radiance() of direct_light.h where nothing else finds the emission; `samples`: a power of
 /// two up to most_bundle_samples, the same for all samples of a pixel.

@@ -36,7 +36,7 @@ def test_every_option_reaches_its_field_and_comes_back() -> None:
         "camera": {"to_world": list(np.eye(4).ravel()), "fov": 40.0},
         "error": 0.02,
         "records": 5000,
-        "single_scattering": "guided",
+        "single_scattering": "cached",
         "spheres": True,
         "epoch": 7,
         "aovs": ["radius", "bias"],

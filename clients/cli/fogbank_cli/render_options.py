@@ -22,7 +22,7 @@ _CACHE_OPTIONS = (
     click.option("--records", type=click.IntRange(1), help="Make the cache finer until so many records are made."),
     click.option(
         "--single-scattering",
-        type=click.Choice(["auto", "direct", "guided", "cached"]),
+        type=click.Choice(["auto", "direct", "cached"]),
         help="How light is scattered once; by predicted cost by default.",
     ),
     click.option("--spheres", is_flag=True, default=None, help="Extents of records: spheres instead of ellipsoids."),

@@ -12,7 +12,7 @@ from fogbank.errors import InvalidArgumentError
 from fogbank.image import Image
 from fogbank.window import Window
 
-SingleScattering: TypeAlias = Literal["auto", "direct", "guided", "cached"]
+SingleScattering: TypeAlias = Literal["auto", "direct", "cached"]
 AovName: TypeAlias = Literal["radius", "record-density", "rejected", "variance", "bias"]
 Reference: TypeAlias = "str | os.PathLike[str] | Image"
 
@@ -121,7 +121,6 @@ _PIXEL_TYPES = {
 _SINGLE_SCATTERING = {
     "auto": render_pb2.SINGLE_SCATTERING_AUTOMATIC,
     "direct": render_pb2.SINGLE_SCATTERING_DIRECT,
-    "guided": render_pb2.SINGLE_SCATTERING_GUIDED,
     "cached": render_pb2.SINGLE_SCATTERING_CACHED,
 }
 _CHOICES: dict[str, dict[str, Any]] = {

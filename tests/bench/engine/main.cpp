@@ -4,8 +4,9 @@
 //   {"command": "load", "scene": path, "parameters": {name: text}}
 //   {"command": "render", "width", "height", "samples_per_pixel", "max_depth", "seed", "threads", "output":
 //   path, "integrator": "volpath", "error": 0, "time_budget_seconds": 0, "record_budget": 0, "reference":
-//   path of an EXR file, "aovs": []}
+//   path of an EXR file, "aovs": [], "single_scattering": "auto", "keep_cache": false}
 //
+// With `keep_cache` records stay for renderings of the same scene that have it too.
 // `render` takes the reconstruction filter box whatever the scene says, since Mitsuba weights the samples of
 // neighbouring pixels with any other, and its pixels are not independent then. `output` is an EXR file of
 // floats.
@@ -20,6 +21,7 @@
 #include <stdexcept>
 
 #include "../embree_probe.h"
+#include "cache/scene_cache.h"
 #include "render/exr.h"
 #include "render/exr_reader.h"
 #include "render/render_to_image.h"
@@ -56,6 +58,7 @@ class Bench {
     const scene::LoadTimes times = scene->load_times;
     start = std::chrono::steady_clock::now();
     world_ = std::make_shared<transport::World>(std::move(scene));
+    cache_ = std::make_shared<cache::SceneCache>();
     return {{"load_seconds", load_seconds},
             {"parse_seconds", times.parse},
             {"mesh_seconds", times.meshes},
@@ -82,6 +85,9 @@ class Bench {
     settings.error = command.value("error", settings.error);
     settings.time_budget_seconds = command.value("time_budget_seconds", settings.time_budget_seconds);
     settings.record_budget = command.value("record_budget", settings.record_budget);
+    settings.integrator_settings.single_scattering =
+        render::parse_single_scattering(command.value("single_scattering", std::string("auto")));
+    if (command.value("keep_cache", false)) settings.integrator_settings.cache = cache_;
     for (const std::string& aov : command.value("aovs", std::vector<std::string>{})) {
       settings.aovs.push_back(render::parse_aov(aov));
     }
@@ -131,6 +137,7 @@ class Bench {
   }
 
   std::shared_ptr<const transport::World> world_;
+  std::shared_ptr<cache::SceneCache> cache_;
 };
 
 }  // namespace
