@@ -38,8 +38,8 @@ struct IntegratorSettings {
   SingleScattering single_scattering = SingleScattering::automatic;
   int64_t most_records = int64_t{1} << 24;  ///< that one job makes; 0: it only reads those that are there
   bool spheres = false;                     ///< isotropic extents instead of ellipsoids
-  /// What decisions by predicted cost reckon with: camera samples that the records are for, all pixels of all
-  /// pictures, and the relative error that is wanted.
+  /// What decisions by predicted cost reckon with: camera samples of the picture, of all its pixels, and
+  /// the relative error that is wanted.
   int64_t expected_samples = int64_t{1} << 20;
   double expected_error = 0.02;
   /// The scene's records, shared with other jobs; null: the integrator keeps its own.
@@ -140,7 +140,7 @@ std::unique_ptr<Integrator> make_integrator(const std::string& name,
 struct IntegratorInfo {
   std::string name;
   std::string summary;
-  bool cached = false;  ///< reads and fills IntegratorSettings::cache
+  bool cached = false;             ///< reads and fills IntegratorSettings::cache
   bool single_scattering = false;  ///< IntegratorSettings::single_scattering is its to obey
 };
 std::vector<IntegratorInfo> supported_integrators();

@@ -124,8 +124,8 @@ PilotedMetric CachePilot::metric(double border_error, double maximum_radius) con
     logarithms += std::log(std::clamp(std::sqrt(2 * border_error * radiance / curvature),
                                       1e-3 * maximum_radius, maximum_radius));
   }
-  const double radius = !(mean > 0) ? default_share * maximum_radius
-                                      : std::exp(logarithms / static_cast<double>(pilot.size()));
+  const double radius =
+      !(mean > 0) ? default_share * maximum_radius : std::exp(logarithms / static_cast<double>(pilot.size()));
   constexpr double pi_double = 3.14159265358979323846;
   result.threshold = 4 * pi_double / 5 * border_error * radius * radius * radius;
   result.typical_radius = static_cast<float>(radius);

@@ -30,32 +30,25 @@ SingleScatteringTerm::SingleScatteringTerm(std::shared_ptr<const transport::Worl
 
 void SingleScatteringTerm::decide(const IntegratorSettings& settings, const CameraRays& camera,
                                   const cache::RecordSet& records) {
-  if (!techniques_.empty()) return;
-  techniques_ = single_scattering_plan(*world_, settings, camera, records);
-  looks_up_ = std::ranges::any_of(techniques_, [](const LightTechnique& one) { return one.decision.on; });
-}
-
-std::vector<Decision> SingleScatteringTerm::decisions() const {
-  std::vector<Decision> result;
-  for (const LightTechnique& technique : techniques_) result.push_back(technique.decision);
-  return result;
+  if (std::exchange(decided_, true)) return;
+  plan_ = single_scattering_plan(*world_, settings, camera, records);
 }
 
 double SingleScatteringTerm::typical_radiance(std::span<const cache::Record> records) const {
   double sum = 0;
   for (const cache::Record& record : records) {
     const auto medium = static_cast<size_t>(record.component.medium);
-    for (const LightTechnique& technique : techniques_)
-      if (technique.decision.on && technique.proxies[medium])
-        sum += static_cast<double>(luminance(technique.proxies[medium]->value(record.position)));
+    for (const auto& proxies : plan_.proxies)
+      if (!proxies.empty() && proxies[medium])
+        sum += static_cast<double>(luminance(proxies[medium]->value(record.position)));
   }
   return records.empty() ? 0 : sum / static_cast<double>(records.size());
 }
 
 SingleScatteringTerm::Cached SingleScatteringTerm::cached(uint32_t light, int32_t medium,
                                                           const cache::Epoch* epoch) const {
-  if (!looks_up_ || !techniques_[light].decision.on || medium == scene::none) return {};
-  const std::optional<LightProxy>& proxy = techniques_[light].proxies[static_cast<size_t>(medium)];
+  if (!looks_up() || plan_.proxies[light].empty() || medium == scene::none) return {};
+  const std::optional<LightProxy>& proxy = plan_.proxies[light][static_cast<size_t>(medium)];
   if (!proxy) return {};
   const cache::Component component{medium, static_cast<uint16_t>(light), 0, cache::Quantity::ratio};
   return {&*proxy, epoch != nullptr ? epoch->find(component) : nullptr};
@@ -64,7 +57,7 @@ SingleScatteringTerm::Cached SingleScatteringTerm::cached(uint32_t light, int32_
 PixelSample SingleScatteringTerm::sample(const MediumSegment& segment, int32_t medium_index,
                                          const cache::Epoch* epoch, RandomStream& random,
                                          RayCounters& counters) const {
-  if (!looks_up_)
+  if (!looks_up())
     return {.sampled = transport::in_scattered_radiance_bundle(*world_, segment, medium_index, samples,
                                                                random, counters)};
   const MediumInfo& medium = *segment.medium;
@@ -121,8 +114,8 @@ PixelSample SingleScatteringTerm::sample(const MediumSegment& segment, int32_t m
 void SingleScatteringTerm::observe(const MediumSegment& segment, int32_t medium_index,
                                    const cache::Epoch* epoch, const Spectrum& throughput,
                                    LookUpObserver& observer) const {
-  if (!looks_up_) return;
-  for (uint32_t light = 0; light < techniques_.size(); ++light) {
+  if (!looks_up()) return;
+  for (uint32_t light = 0; light < plan_.proxies.size(); ++light) {
     const Cached known = cached(light, medium_index, epoch);
     if (known.proxy == nullptr) continue;
     const DistanceTable table(segment, world_->lights().light(light), DistanceTable::Resolution::fine);

@@ -24,9 +24,9 @@ class SingleScatteringTerm {
   /// Settles, once, which lights are looked up, by the settings or by predicted cost. `records`: what is
   /// there. While nothing is rendered.
   void decide(const IntegratorSettings& settings, const CameraRays& camera, const cache::RecordSet& records);
-  std::vector<Decision> decisions() const;
+  const std::vector<Decision>& decisions() const { return plan_.decisions; }
   /// Whether any light is looked up.
-  bool looks_up() const { return looks_up_; }
+  bool looks_up() const { return !plan_.proxies.empty(); }
 
   /// Mean radiance straight from the lights whose ratios are looked up if nothing blocked them, mean over the
   /// places of `records`, luminance.
@@ -50,8 +50,8 @@ class SingleScatteringTerm {
   Cached cached(uint32_t light, int32_t medium, const cache::Epoch* epoch) const;
 
   std::shared_ptr<const transport::World> world_;
-  bool looks_up_ = false;
-  std::vector<LightTechnique> techniques_;  ///< by light; empty before decide()
+  bool decided_ = false;
+  SingleScatteringPlan plan_;
 };
 
 }  // namespace fogbank::integrators

@@ -13,6 +13,8 @@ namespace {
 
 /// A light of a radius below this many pixels has penumbrae that records don't resolve.
 constexpr float least_pixels = 3;
+/// With more lights than this all are sampled.
+constexpr size_t most_lights = 64;
 /// Lights that send less than this share of the light matter to few pixels.
 constexpr double least_share = 0.01;
 
@@ -34,8 +36,11 @@ double ray_seconds(const transport::World& world) {
   return (0.25 + 0.03 * std::log2(1 + static_cast<double>(world.scene().triangle_count()))) * 1e-6;
 }
 
-std::string name_of(const transport::World& world, uint32_t light) {
+/// Of all lights, by the shapes that they are on.
+std::vector<std::string> names_of_lights(const transport::World& world) {
   const scene::Scene& scene = world.scene();
+  std::vector<std::string> names;
+  for (uint32_t i = 0; i < world.lights().size(); ++i) names.push_back("light " + std::to_string(i));
   for (uint32_t i = 0; i < scene.shapes.size(); ++i) {
     const scene::Shape& shape = scene.shapes[i];
     if (shape.emitter == scene::none) continue;
@@ -43,10 +48,10 @@ std::string name_of(const transport::World& world, uint32_t light) {
                                   ? scene.meshes[static_cast<size_t>(shape.mesh)].triangles.size()
                                   : 1;
     for (uint32_t primitive = 0; primitive < primitives; ++primitive)
-      if (world.light_of_hit(i, primitive) == light)
-        return shape.id.empty() ? "the shape at " + shape.where.to_string() : "\"" + shape.id + "\"";
+      if (const uint32_t light = world.light_of_hit(i, primitive); light < names.size())
+        names[light] = shape.id.empty() ? "the shape at " + shape.where.to_string() : '"' + shape.id + '"';
   }
-  return "light " + std::to_string(light);
+  return names;
 }
 
 std::string seconds_text(double seconds) {
@@ -63,8 +68,8 @@ size_t count_records(const cache::RecordSet& records, uint32_t light) {
   return count;
 }
 
-/// Whether records of the light may be looked up at all; if not, why.
-std::optional<std::string> hindrance(const transport::World& world, const transport::Light& light,
+/// Why records of the light can't be looked up; nothing if they can.
+std::optional<std::string> hindrance(const transport::Light& light,
                                      const std::vector<std::optional<LightProxy>>& proxies,
                                      const CameraRays& camera) {
   if (light.is_delta()) return "it has no extent";
@@ -75,63 +80,80 @@ std::optional<std::string> hindrance(const transport::World& world, const transp
   const float pixel = camera.pixel_angle() * glm::distance(camera.position(), bounds.center);
   if (bounds.radius < least_pixels * pixel)
     return "it is a few pixels wide: records don't resolve its penumbrae";
-  (void)world;
   return std::nullopt;
+}
+
+/// By predicted cost. `share` of the scene's light comes from this one.
+void decide_by_cost(const transport::World& world, const IntegratorSettings& settings, double share,
+                    double there, Decision& decision) {
+  if (settings.most_records == 0) {
+    decision.on = there > 0;
+    decision.reason = std::to_string(std::lround(there)) + " records are there, and none may be made";
+    return;
+  }
+  const double ray = ray_seconds(world);
+  const double error = std::clamp(settings.expected_error, 1e-3, 1.0);
+  const double wanted = typical_records * std::pow(error / typical_error, records_power);
+  const double missing = std::max(wanted - there, 0.0);
+  const double making = missing * (record_seconds + rays_per_record * ray);
+  const double samples = static_cast<double>(settings.expected_samples) * samples_per_segment * share;
+  const double saving = samples * (ray - look_up_seconds / variance_ratio);
+  decision.on = saving > making && share > least_share;
+  decision.reason = std::to_string(settings.expected_samples) + " camera samples save " +
+                    seconds_text(std::max(saving, 0.0)) + " of shadow rays, about " +
+                    std::to_string(std::lround(missing)) + " records take " + seconds_text(making);
 }
 
 }  // namespace
 
-std::vector<LightTechnique> single_scattering_plan(const transport::World& world,
-                                                   const IntegratorSettings& settings,
-                                                   const CameraRays& camera,
-                                                   const cache::RecordSet& records) {
+SingleScatteringPlan single_scattering_plan(const transport::World& world, const IntegratorSettings& settings,
+                                            const CameraRays& camera, const cache::RecordSet& records) {
+  SingleScatteringPlan result;
   const transport::LightSampler& lights = world.lights();
-  const auto media = static_cast<int32_t>(world.scene().media.size());
-  const transport::Plan plan(world, cache::RatioRecordMaker::plan_request());
+  if (lights.size() > most_lights) {
+    result.decisions.push_back({"ratio records of " + std::to_string(lights.size()) + " lights", false,
+                                "each would want records of its own"});
+    return result;
+  }
+  const std::vector<std::string> names = names_of_lights(world);
+  const Vec3f middle = world.scene().bounds.center;
   double total = 0;
-  for (uint32_t i = 0; i < lights.size(); ++i)
-    total += static_cast<double>(lights.light(i).fluence(world.scene().bounds.center));
+  for (uint32_t i = 0; i < lights.size(); ++i) total += static_cast<double>(lights.light(i).fluence(middle));
+  const transport::Plan plan(world, cache::RatioRecordMaker::plan_request());
+  const size_t media = world.scene().media.size();
 
-  std::vector<LightTechnique> result(lights.size());
+  result.proxies.resize(lights.size());
+  result.decisions.resize(lights.size());
   for (uint32_t i = 0; i < lights.size(); ++i) {
     const transport::Light& light = lights.light(i);
-    LightTechnique& technique = result[i];
-    technique.decision.what = "ratio records of " + name_of(world, i);
+    Decision& decision = result.decisions[i];
+    decision.what = "ratio records of " + names[i];
     if (settings.single_scattering == SingleScattering::direct) {
-      technique.decision.reason = "single scattering is to be sampled, the settings say";
+      decision.reason = "the settings ask for samples";
       continue;
     }
-    std::vector<std::optional<LightProxy>> proxies(static_cast<size_t>(media));
-    for (int32_t medium = 0; medium < media; ++medium) {
-      const transport::MediumInfo& info = world.medium(medium);
+    std::vector<std::optional<LightProxy>> proxies(media);
+    for (size_t medium = 0; medium < media; ++medium) {
+      const auto number = static_cast<int32_t>(medium);
+      const transport::MediumInfo& info = world.medium(number);
       if (info.phase.is_isotropic() && !is_black(info.sigma_s))
-        proxies[static_cast<size_t>(medium)] = cache::RatioRecordMaker::make_proxy(world, plan, i, medium);
+        proxies[medium] = cache::RatioRecordMaker::make_proxy(world, plan, i, number);
     }
-    if (const auto why = hindrance(world, light, proxies, camera)) {
-      technique.decision.reason = *why;
+    if (const std::optional<std::string> why = hindrance(light, proxies, camera)) {
+      decision.reason = *why;
       continue;
     }
     if (settings.single_scattering == SingleScattering::cached) {
-      technique.decision.reason = "the settings ask for it";
-      technique.decision.on = true;
+      decision.on = true;
+      decision.reason = "the settings ask for it";
     } else {
-      const double share =
-          total > 0 ? static_cast<double>(light.fluence(world.scene().bounds.center)) / total : 0;
-      const auto there = static_cast<double>(count_records(records, i));
-      const double ray = ray_seconds(world);
-      const double error = std::clamp(settings.expected_error, 1e-3, 1.0);
-      const double wanted = typical_records * std::pow(error / typical_error, records_power);
-      const double missing = std::max(wanted - there, 0.0);
-      const double making = missing * (record_seconds + rays_per_record * ray);
-      const double saving = static_cast<double>(settings.expected_samples) * samples_per_segment * share *
-                            (ray - look_up_seconds / variance_ratio);
-      technique.decision.on = saving > making && share > least_share;
-      technique.decision.reason = "about " + std::to_string(std::lround(missing)) + " records to make, " +
-                                  seconds_text(making) + ", would save " +
-                                  seconds_text(std::max(saving, 0.0)) + " of shadow rays";
+      const double share = total > 0 ? static_cast<double>(light.fluence(middle)) / total
+                                     : 1 / static_cast<double>(lights.size());
+      decide_by_cost(world, settings, share, static_cast<double>(count_records(records, i)), decision);
     }
-    if (technique.decision.on) technique.proxies = std::move(proxies);
+    if (decision.on) result.proxies[i] = std::move(proxies);
   }
+  if (std::ranges::none_of(result.decisions, &Decision::on)) result.proxies.clear();
   return result;
 }
 

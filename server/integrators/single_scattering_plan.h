@@ -12,17 +12,17 @@
 
 namespace fogbank::integrators {
 
-struct LightTechnique {
-  Decision decision;  ///< on: ratio records are looked up
-  /// By medium; empty where the light is sampled.
-  std::vector<std::optional<derivatives::LightProxy>> proxies;
+struct SingleScatteringPlan {
+  /// On: ratio records of a light are looked up. One for each light, or a single one for too many.
+  std::vector<Decision> decisions;
+  /// By light, then medium: what its ratios rest on; a light that is sampled has none. Empty where all are.
+  std::vector<std::vector<std::optional<derivatives::LightProxy>>> proxies;
 };
 
-/// One for each light of the world. Where the settings leave it open, records are looked up if what remains
-/// of them to be computed costs less CPU time than the shadow rays that they save: a function of the
-/// arguments alone. `records`: what is there.
-std::vector<LightTechnique> single_scattering_plan(const transport::World& world,
-                                                   const IntegratorSettings& settings,
-                                                   const CameraRays& camera, const cache::RecordSet& records);
+/// Where the settings leave it open, records of a light are looked up if what remains of them to be computed
+/// costs less CPU time than the shadow rays that they save: a function of the arguments alone. `records`:
+/// what is there.
+SingleScatteringPlan single_scattering_plan(const transport::World& world, const IntegratorSettings& settings,
+                                            const CameraRays& camera, const cache::RecordSet& records);
 
 }  // namespace fogbank::integrators

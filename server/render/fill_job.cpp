@@ -28,8 +28,7 @@ FillJob::FillJob(std::shared_ptr<const transport::World> world, RenderSettings s
 }
 
 std::unique_ptr<FillJob::Part> FillJob::begin_part(uint32_t camera) const {
-  integrators::IntegratorSettings settings =
-      integrator_settings(settings_, static_cast<int64_t>(cameras_.size()));
+  integrators::IntegratorSettings settings = integrator_settings(settings_);
   settings.most_records -= static_cast<int64_t>(records_before_);
   auto part = std::make_unique<Part>(
       Part{.camera = FilmCamera(cameras_[camera], settings_.film),

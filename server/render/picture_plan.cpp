@@ -10,11 +10,7 @@ std::vector<integrators::Decision> picture_plan(const transport::World& world,
                                                 const RenderSettings& settings) {
   validate(settings);
   const FilmCamera camera(settings.sensor, settings.film);
-  std::vector<integrators::Decision> decisions;
-  for (const integrators::LightTechnique& technique :
-       integrators::single_scattering_plan(world, integrator_settings(settings, 1), camera, {}))
-    decisions.push_back(technique.decision);
-  return decisions;
+  return integrators::single_scattering_plan(world, integrator_settings(settings), camera, {}).decisions;
 }
 
 }  // namespace fogbank::render

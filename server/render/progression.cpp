@@ -47,7 +47,7 @@ double cache_error(const RenderSettings& settings) {
   return settings.error > 0 ? bias_share * settings.error : integrators::CacheTarget{}.error;
 }
 
-integrators::IntegratorSettings integrator_settings(const RenderSettings& settings, int64_t pictures) {
+integrators::IntegratorSettings integrator_settings(const RenderSettings& settings) {
   integrators::IntegratorSettings result = settings.integrator_settings;
   const double pixels = static_cast<double>(settings.film.crop.width) * settings.film.crop.height;
   double samples = settings.samples_per_pixel;
@@ -56,7 +56,7 @@ integrators::IntegratorSettings integrator_settings(const RenderSettings& settin
   if (settings.time_budget_seconds > 0)
     samples = std::fmin(samples, settings.time_budget_seconds / (seconds_of_a_camera_sample * pixels));
   // Far below what a sum of 64 bits holds.
-  result.expected_samples = static_cast<int64_t>(std::fmin(samples * pixels, 1e15)) * pictures;
+  result.expected_samples = static_cast<int64_t>(std::fmin(samples * pixels, 1e15));
   result.expected_error = cache_error(settings);
   return result;
 }

@@ -33,8 +33,8 @@ struct Standing {
 /// What the cache's stages come down to: its share of the error that is asked for.
 double cache_error(const RenderSettings& settings);
 
-/// What the integrator is to know for `pictures` such pictures: samples and error to reckon with included.
-integrators::IntegratorSettings integrator_settings(const RenderSettings& settings, int64_t pictures);
+/// What the integrator is to know for such a picture: samples and error to reckon with included.
+integrators::IntegratorSettings integrator_settings(const RenderSettings& settings);
 
 class Progression {
  public:

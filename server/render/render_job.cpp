@@ -20,8 +20,7 @@ std::unique_ptr<integrators::Integrator> make_checked_integrator(
     throw Error(ErrorKind::invalid_argument, "INVALID_RENDER_SETTINGS",
                 "sensor.medium: the scene has no medium " + std::to_string(settings.sensor.medium));
   }
-  return integrators::make_integrator(settings.integrator, std::move(world),
-                                      integrator_settings(settings, 1));
+  return integrators::make_integrator(settings.integrator, std::move(world), integrator_settings(settings));
 }
 
 RenderSettings validated(RenderSettings settings) {

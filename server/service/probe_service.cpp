@@ -39,11 +39,9 @@ grpc::ServerUnaryReactor* ProbeServiceImplementation::GetPlan(grpc::CallbackServ
                     message.set_reason(reason);
                   };
                   for (const transport::PlanTerm& term : plan.terms()) add(term.term, term.on, term.reason);
-                  if (request->order() != v1::PROBE_ORDER_MULTIPLE) {
-                    const JobSettings picture = resolve_settings({}, world->scene(), 1);
-                    for (const integrators::Decision& one : render::picture_plan(*world, picture.engine))
-                      add(one.what, one.on, one.reason);
-                  }
+                  const JobSettings picture = resolve_settings({}, world->scene(), 1);
+                  for (const integrators::Decision& one : render::picture_plan(*world, picture.engine))
+                    add(one.what, one.on, one.reason);
                 } catch (...) {
                   status = status_of(std::current_exception());
                 }

@@ -327,8 +327,14 @@ def bad(**fields: object) -> render.RenderSettings:
         (
             bad(integrator="volpath", single_scattering=render.SINGLE_SCATTERING_CACHED),
             "single_scattering",
-            'the integrator "volpath" has no cache',
+            'the integrator "volpath" has one way for all light',
         ),
+        (
+            bad(integrator="radiance-cache-unaware", single_scattering=render.SINGLE_SCATTERING_DIRECT),
+            "single_scattering",
+            'the integrator "radiance-cache-unaware" has one way for all light',
+        ),
+        (bad(integrator="radiance-cache", single_scattering=99), "single_scattering", "is not a SingleScattering"),
         (bad(integrator="radiance-cache", error=-1.0), "error", "must be positive"),
         (bad(integrator="radiance-cache", error=float("nan")), "error", "must be positive"),
         (bad(integrator="radiance-cache", records=0), "records", "0 is not in 1 .. 4294967296"),

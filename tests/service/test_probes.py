@@ -358,6 +358,7 @@ def test_the_plan_says_what_is_left_out_and_why(server: Server, scene: scene_mes
     terms = server.probe.GetPlan(probe.GetPlanRequest(scene=scene.name)).terms
     assert all(term.term and term.reason for term in terms)
     assert {term.on for term in terms} == {False, True}
+    assert any(term.term.startswith("ratio records of") for term in terms)
     single = server.probe.GetPlan(probe.GetPlanRequest(scene=scene.name, order=probe.PROBE_ORDER_SINGLE)).terms
     assert [term.term for term in single] == [term.term for term in terms]
     assert sum(term.on for term in single) < sum(term.on for term in terms)

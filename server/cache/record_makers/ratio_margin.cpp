@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "core/frame.h"
 #include "scene/scene.h"
@@ -19,6 +20,8 @@ constexpr double least_width = 0.5;
 /// Rays a side of the octahedral map, two for each depth bin: the surroundings at large.
 constexpr size_t sphere_side = 16;
 constexpr int bisections = 6;
+/// Directions around a light, in each of which the point of its border is kept.
+constexpr size_t border_sectors = 32;
 
 struct GuardRay {
   Vec3f direction{0};
@@ -35,17 +38,32 @@ class Surroundings {
                RayCounters& counters)
       : world_(world), x_(x), depth_(depth), counters_(counters) {
     Vec3d sum(0);
-    for (const Vec3d& point : light) {
-      const double length = glm::length(point);
-      if (!(length > 0)) continue;
-      directions_.push_back(point / length);
-      distances_.push_back(length);
-      sum += directions_.back();
-    }
+    for (const Vec3d& point : light)
+      if (const double length = glm::length(point); length > 0) sum += point / length;
     const double length = glm::length(sum);
     axis_ = length > 0 ? sum / length : Vec3d(0, 0, 1);
+    // Of a convex light the point nearest to a ray that passes it by is on its border.
+    const Frame frame = Frame::from_normal(Vec3f(axis_));
+    std::array<std::optional<Vec3d>, border_sectors> border;
+    std::array<double, border_sectors> cosines;
+    cosines.fill(2);
+    for (const Vec3d& point : light) {
+      if (point == Vec3d(0)) continue;
+      const Vec3d local(frame.to_local(Vec3f(point)));
+      const double turn = std::atan2(local.y, local.x) / (2 * static_cast<double>(pi)) + 0.5;
+      const size_t sector = std::min(static_cast<size_t>(turn * border_sectors), border_sectors - 1);
+      const double cosine = glm::dot(glm::normalize(point), axis_);
+      if (cosine >= cosines[sector]) continue;
+      cosines[sector] = cosine;
+      border[sector] = point;
+    }
     double cosine = 1;
-    for (const Vec3d& direction : directions_) cosine = std::min(cosine, glm::dot(direction, axis_));
+    for (size_t sector = 0; sector < border_sectors; ++sector) {
+      if (!border[sector]) continue;
+      cosine = std::min(cosine, cosines[sector]);
+      distances_.push_back(glm::length(*border[sector]));
+      directions_.push_back(*border[sector] / distances_.back());
+    }
     half_angle_ = std::acos(std::clamp(cosine, -1.0, 1.0));
   }
 
@@ -97,7 +115,7 @@ class Surroundings {
     return glm::dot(Vec3d(ray.direction), axis_) > std::cos(std::min(half_angle_ + width(), 3.1));
   }
 
-  /// The light's own point next to `ray`.
+  /// The point of the light's border next to `ray`.
   Vec3f nearest_of_light(const GuardRay& ray) const { return Vec3f(directions_[ray.nearest]); }
 
   /// What is left of each pair, one end blocked and the other not, after bisecting the directions between.

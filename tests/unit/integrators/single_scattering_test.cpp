@@ -121,12 +121,12 @@ TEST_F(SingleScatteringTest, AsksForPlacesThatNoRecordReaches) {
 
 TEST_F(SingleScatteringTest, AutomaticGoesByCostAndSaysWhy) {
   const auto decide = [&](int64_t samples, const cache::RecordSet& there) {
-    std::vector<LightTechnique> plan =
+    const SingleScatteringPlan plan =
         single_scattering_plan(*world, {.expected_samples = samples}, camera, there);
-    EXPECT_EQ(plan.size(), 2);
-    EXPECT_FALSE(plan[1 - light].decision.on);
-    EXPECT_EQ(plan[1 - light].decision.reason, "it has no extent");
-    return plan[light].decision;
+    EXPECT_EQ(plan.decisions.size(), 2);
+    EXPECT_FALSE(plan.decisions[1 - light].on);
+    EXPECT_EQ(plan.decisions[1 - light].reason, "it has no extent");
+    return plan.decisions[light];
   };
   const Decision few = decide(1000, {});
   EXPECT_FALSE(few.on);
@@ -137,7 +137,7 @@ TEST_F(SingleScatteringTest, AutomaticGoesByCostAndSaysWhy) {
 
 TEST_F(SingleScatteringTest, RecordsThatAreThereAreFree) {
   const auto decide = [&](int64_t samples, const cache::RecordSet& there) {
-    return single_scattering_plan(*world, {.expected_samples = samples}, camera, there)[light].decision.on;
+    return single_scattering_plan(*world, {.expected_samples = samples}, camera, there).decisions[light].on;
   };
   // 60 of about 2000 records are little; a picture for which the rest is just not worth it gains by them.
   int64_t least = 1;
@@ -155,8 +155,8 @@ TEST_F(SingleScatteringTest, SmallLightsAndForwardScatteringAreSampled) {
       <shape type="sphere"><point name="center" x="0" y="0" z="5"/><float name="radius" value=")" +
                     radius + R"("/><emitter type="area"/></shape>)");
     const Decision decision = single_scattering_plan(*other, {.single_scattering = SingleScattering::cached},
-                                                     test::TestCamera(other->scene().sensor, 64, 64), {})[0]
-                                  .decision;
+                                                     test::TestCamera(other->scene().sensor, 64, 64), {})
+                                  .decisions[0];
     EXPECT_EQ(decision.on, decision.reason == "the settings ask for it");
     return decision.reason;
   };
