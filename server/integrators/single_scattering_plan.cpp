@@ -18,22 +18,22 @@ constexpr size_t most_lights = 64;
 /// Lights that send less than this share of the light matter to few pixels.
 constexpr double least_share = 0.01;
 
-// Costs in seconds of one core, measured on scenes/ (README.md of the server, "Single scattering").
-constexpr double record_seconds = 0.35e-3;
+// Costs in seconds of one core, typical of scenes/penumbra and scenes/shafts (README.md of the server).
+constexpr double record_seconds = 0.1e-3;  ///< besides its rays
 constexpr double rays_per_record = 650;
-constexpr double look_up_seconds = 0.3e-6;
+constexpr double look_up_seconds = 0.65e-6;
 /// Samples along a segment, as SingleScatteringTerm takes them.
 constexpr double samples_per_segment = 4;
-/// Variance of a sample of the light against one of the ratio.
-constexpr double variance_ratio = 2.5;
+/// Samples of the light that are worth one of its ratio.
+constexpr double samples_per_look_up = 2;
 /// Records of a light at a relative error of 0.02, and the power of the error that they go with.
 constexpr double typical_records = 2000;
 constexpr double typical_error = 0.02;
-constexpr double records_power = -0.75;
+constexpr double records_power = -0.5;
 
 /// Of a shadow ray with the sample of the light that it goes to.
 double ray_seconds(const transport::World& world) {
-  return (0.25 + 0.03 * std::log2(1 + static_cast<double>(world.scene().triangle_count()))) * 1e-6;
+  return (0.35 + 0.05 * std::log2(1 + static_cast<double>(world.scene().triangle_count()))) * 1e-6;
 }
 
 /// Of all lights, by the shapes that they are on.
@@ -97,7 +97,7 @@ void decide_by_cost(const transport::World& world, const IntegratorSettings& set
   const double missing = std::max(wanted - there, 0.0);
   const double making = missing * (record_seconds + rays_per_record * ray);
   const double samples = static_cast<double>(settings.expected_samples) * samples_per_segment * share;
-  const double saving = samples * (ray - look_up_seconds / variance_ratio);
+  const double saving = samples * (ray - look_up_seconds / samples_per_look_up);
   decision.on = saving > making && share > least_share;
   decision.reason = std::to_string(settings.expected_samples) + " camera samples save " +
                     seconds_text(std::max(saving, 0.0)) + " of shadow rays, about " +

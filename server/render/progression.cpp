@@ -23,9 +23,11 @@ constexpr double bias_share = 0.7;
 constexpr double worthwhile = 0.9;
 /// Samples between two looks at the results, as a share of the samples so far: what is done in vain at most.
 constexpr double looks_apart = 0.25;
-/// Relative noise and seconds of one sample of a pixel, typically: for predictions of cost alone.
-constexpr double noise_of_a_sample = 0.12;
-constexpr double seconds_of_a_camera_sample = 8e-6;
+/// Relative noise of one sample of a pixel, the power of the number of samples that it goes with, and seconds
+/// that one takes: typical ones, for predictions of cost alone.
+constexpr double noise_of_a_sample = 0.13;
+constexpr double noise_power = -0.73;
+constexpr double seconds_of_a_sample = 5e-6;
 /// Samples behind an estimate of noise that is believed.
 constexpr uint64_t least_samples_of_film = 1024;
 constexpr uint32_t least_samples_of_pixel = 4;
@@ -50,11 +52,11 @@ double cache_error(const RenderSettings& settings) {
 integrators::IntegratorSettings integrator_settings(const RenderSettings& settings) {
   integrators::IntegratorSettings result = settings.integrator_settings;
   const double pixels = static_cast<double>(settings.film.crop.width) * settings.film.crop.height;
-  double samples = settings.samples_per_pixel;
-  if (settings.error > 0)
-    samples = std::fmin(samples, std::ceil(std::pow(noise_of_a_sample / settings.error, 2)));
+  // More would only be finer than the cache.
+  const double enough = std::pow(cache_error(settings) / noise_of_a_sample, 1 / noise_power);
+  double samples = std::fmin(settings.samples_per_pixel, std::ceil(enough));
   if (settings.time_budget_seconds > 0)
-    samples = std::fmin(samples, settings.time_budget_seconds / (seconds_of_a_camera_sample * pixels));
+    samples = std::fmin(samples, settings.time_budget_seconds / (seconds_of_a_sample * pixels));
   // Far below what a sum of 64 bits holds.
   result.expected_samples = static_cast<int64_t>(std::fmin(samples * pixels, 1e15));
   result.expected_error = cache_error(settings);
