@@ -54,6 +54,27 @@ std::vector<std::string> names_of_lights(const transport::World& world) {
   return names;
 }
 
+/// Share of each light in what the middle of the scene gets, after half a scene's radius of fog on the way
+/// from a lamp: thick fog shows little of light that is scattered once.
+std::vector<double> shares_of_light(const transport::World& world) {
+  const scene::BoundingSphere& bounds = world.scene().bounds;
+  float sigma_t = infinity;
+  for (size_t medium = 0; medium < world.scene().media.size(); ++medium)
+    sigma_t = std::fmin(sigma_t, world.medium(static_cast<int32_t>(medium)).mean_sigma_t);
+  const float through = std::exp(-sigma_t * 0.5f * bounds.radius);
+  std::vector<double> shares;
+  double total = 0;
+  for (uint32_t i = 0; i < world.lights().size(); ++i) {
+    const transport::Light& light = world.lights().light(i);
+    const bool is_lamp = !light.is_delta() && !light.at_infinity();
+    shares.push_back(static_cast<double>(light.fluence(bounds.center) * (is_lamp ? through : 1.0f)));
+    total += shares.back();
+  }
+  if (total > 0)
+    for (double& share : shares) share /= total;
+  return shares;
+}
+
 std::string seconds_text(double seconds) {
   const long milliseconds = std::lround(seconds * 1000);
   return milliseconds < 10000 ? std::to_string(milliseconds) + " ms"
@@ -116,9 +137,7 @@ SingleScatteringPlan single_scattering_plan(const transport::World& world, const
     return result;
   }
   const std::vector<std::string> names = names_of_lights(world);
-  const Vec3f middle = world.scene().bounds.center;
-  double total = 0;
-  for (uint32_t i = 0; i < lights.size(); ++i) total += static_cast<double>(lights.light(i).fluence(middle));
+  const std::vector<double> shares = shares_of_light(world);
   const transport::Plan plan(world, cache::RatioRecordMaker::plan_request());
   const size_t media = world.scene().media.size();
 
@@ -147,9 +166,7 @@ SingleScatteringPlan single_scattering_plan(const transport::World& world, const
       decision.on = true;
       decision.reason = "the settings ask for it";
     } else {
-      const double share = total > 0 ? static_cast<double>(light.fluence(middle)) / total
-                                     : 1 / static_cast<double>(lights.size());
-      decide_by_cost(world, settings, share, static_cast<double>(count_records(records, i)), decision);
+      decide_by_cost(world, settings, shares[i], static_cast<double>(count_records(records, i)), decision);
     }
     if (decision.on) result.proxies[i] = std::move(proxies);
   }
