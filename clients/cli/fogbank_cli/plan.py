@@ -32,7 +32,10 @@ def plan(
     lenient: bool,
     root: Path | None,
 ) -> None:
-    """Show which terms of light transport records of SCENE need, which are left out, and why."""
+    """Show which terms of light transport records of SCENE need, which are left out, and why.
+
+    The last lines say of which lights its picture, with an empty cache, would cache single scattering.
+    """
     output = session.output
     with session.connect() as service:
         loaded = service.load(scene, parameters=dict(parameters), lenient=lenient, root=root)

@@ -23,7 +23,7 @@ _CACHE_OPTIONS = (
     click.option(
         "--single-scattering",
         type=click.Choice(["auto", "direct", "cached"]),
-        help="How light is scattered once; by predicted cost by default.",
+        help="Light scattered once: sampled or from records; light by light by predicted cost (auto), as a rule.",
     ),
     click.option("--spheres", is_flag=True, default=None, help="Extents of records: spheres instead of ellipsoids."),
     click.option("--size", type=SizeType(), help="Of the film, in pixels."),

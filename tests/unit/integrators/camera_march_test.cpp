@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 
 #include "cache/record_clouds.h"
 
@@ -116,8 +117,10 @@ TEST(CameraMarch, SamplesAroundNodesAreUnbiased) {
     for (int channel = 0; channel < 3; ++channel) {
       const double mean = sum[channel] / samples;
       const double error = std::sqrt((squares[channel] / samples - mean * mean) / samples);
-      // Five standard errors over some 50 numbers.
-      EXPECT_NEAR(mean, march.nodes()[number].weight[channel], 5 * error + 1e-6 * mean);
+      // Five standard errors over some 50 numbers. Threads that render flush what is below the least normal
+      // float.
+      EXPECT_NEAR(mean, march.nodes()[number].weight[channel],
+                  5 * error + 1e-6 * mean + static_cast<double>(std::numeric_limits<float>::min()));
     }
   }
 }
