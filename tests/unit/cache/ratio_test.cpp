@@ -32,8 +32,8 @@ class RatioTest : public ::testing::Test {
     return record;
   }
   uint16_t light() const {
-    for (uint16_t i = 0; i < world->lights().size(); ++i)
-      if (!world->lights().light(i).is_delta()) return i;
+    for (uint32_t i = 0; i < world->lights().size(); ++i)
+      if (!world->lights().light(i).is_delta()) return static_cast<uint16_t>(i);
     return 0;
   }
 
@@ -69,13 +69,20 @@ TEST_F(RatioTest, MarginsEndBeforeTheShadowsBorder) {
   const float umbra = (1.25f - 0.9f) * std::cos(std::atan(0.5f));
   const Record dark = record_at({0.9f, 0.0f, 0.5f});
   EXPECT_EQ(dark.radiance, Spectrum(0));
-  EXPECT_LT(dark.visibility_margin, 1.1f * umbra);
-  EXPECT_GT(dark.visibility_margin, 0.5f * umbra);
+  // Rays around the light are a few degrees apart; margins may not be too long.
+  EXPECT_LT(dark.visibility_margin, 1.01f * umbra);
+  EXPECT_GT(dark.visibility_margin, 0.8f * umbra);
   const float lit = (2.4f - 1.75f) * std::cos(std::atan(1.5f));
   const Record bright = record_at({2.4f, 0.0f, 0.5f});
   EXPECT_NEAR(bright.radiance.x, 1, 1e-3);
-  EXPECT_LT(bright.visibility_margin, 1.1f * lit);
-  EXPECT_GT(bright.visibility_margin, 0.5f * lit);
+  EXPECT_LT(bright.visibility_margin, 1.01f * lit);
+  EXPECT_GT(bright.visibility_margin, 0.8f * lit);
+}
+
+TEST_F(RatioTest, SurfacesAroundEndItWhereNothingBlocksTheLight) {
+  const Record record = record_at({0.3f, 0.2f, 1.4f});
+  EXPECT_TRUE(record.depth.reaches({0, 0, -0.1f}));
+  EXPECT_FALSE(record.depth.reaches({0, 0, -0.8f}));
 }
 
 TEST_F(RatioTest, PenumbraeFollowTheExactShareOfTheLight) {
