@@ -233,6 +233,8 @@ uint32_t RadianceCacheFill::begin_refining() {
     const cache::ComponentRange& range = index->range();
     // Levels come one after the other, so that their number tells the next.
     const uint32_t level = range.end(place) - range.begin(place);
+    // Ratios are closed forms but for what is visible, which more of the same grid would not tell.
+    if (range.component.quantity == cache::Quantity::ratio) continue;
     if (level > most_level || granted_.size() >= records_left()) continue;
     granted_.push_back({set.position(range, place), set.normal(range, place), range.component});
     levels_.push_back(level);
