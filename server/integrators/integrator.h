@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -76,6 +77,7 @@ class CameraRays {
   /// A ray through film pixel (x, y): the place in the pixel and on the lens is drawn from `random`.
   virtual Ray sample(uint32_t x, uint32_t y, RandomStream& random) const = 0;
   virtual scene::Window window() const = 0;  ///< pixels that are wanted
+  virtual Vec2i film_size() const = 0;       ///< pixels of the whole film, of which `window` is a part
   virtual Vec3f position() const = 0;
   virtual float pixel_angle() const = 0;  ///< radians that a pixel spans in the middle; 0: orthographic
 };
@@ -109,6 +111,13 @@ class Preparation {
   virtual double fraction() const = 0;
 };
 
+/// What one pass takes of every pixel: samples [first, first + count).
+struct PassSamples {
+  uint64_t seed = 0;
+  uint32_t first = 0;
+  uint32_t count = 0;
+};
+
 /// One instance serves all threads; `sample` sees what the last finished preparation published.
 class Integrator {
  public:
@@ -118,6 +127,14 @@ class Integrator {
   /// What must be done before `sample` may be asked for a picture as good as `target`; null: nothing. Targets
   /// of one job get finer. `camera` and the integrator must outlive the answer.
   virtual std::unique_ptr<Preparation> prepare(const CameraRays& /*camera*/, const CacheTarget& /*target*/) {
+    return nullptr;
+  }
+  /// Samples of a pixel that one pass may take.
+  virtual uint32_t most_samples_of_pass() const { return std::numeric_limits<uint32_t>::max(); }
+  /// What must be done before `sample` may be asked for these samples, and for no others; null: nothing.
+  /// A sample depends on its number, not on the pass that it is in. `camera` as above.
+  virtual std::unique_ptr<Preparation> prepare_pass(const CameraRays& /*camera*/,
+                                                    const PassSamples& /*samples*/) {
     return nullptr;
   }
   /// While no task and no pass runs.

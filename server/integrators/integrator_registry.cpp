@@ -3,6 +3,7 @@
 
 #include "core/error.h"
 #include "integrators/integrator.h"
+#include "integrators/photon_beams.h"
 #include "integrators/radiance_cache.h"
 #include "integrators/volpath.h"
 
@@ -37,6 +38,11 @@ const std::vector<Entry>& entries() {
        [](std::shared_ptr<const transport::World> world,
           const IntegratorSettings& settings) -> std::unique_ptr<Integrator> {
          return std::make_unique<RadianceCacheIntegrator>(std::move(world), settings, unaware_technique);
+       }},
+      {{"photon-beams", "progressive photon beams: finds caustics of small lights; blur and noise both go to zero"},
+       [](std::shared_ptr<const transport::World> world,
+          const IntegratorSettings& settings) -> std::unique_ptr<Integrator> {
+         return std::make_unique<PhotonBeamsIntegrator>(std::move(world), settings);
        }},
   };
   return all;

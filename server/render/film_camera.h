@@ -12,6 +12,7 @@ class FilmCamera final : public integrators::CameraRays {
 
   Ray sample(uint32_t x, uint32_t y, RandomStream& random) const override;
   scene::Window window() const override { return film_.crop; }
+  Vec2i film_size() const override { return {film_.width, film_.height}; }
   Vec3f position() const override { return Vec3f(sensor_.to_world[3]); }
   float pixel_angle() const override;
 

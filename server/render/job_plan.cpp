@@ -60,6 +60,10 @@ std::optional<RenderJob::Implementation::Phase> RenderJob::Implementation::plan(
       if (!out_of_time) bias_survey = std::move(survey);
       end_stage(false);
       break;
+    case Activity::pass_preparation:
+      if (!out_of_time) return go_on_preparing_pass();
+      preparation = nullptr;
+      break;
     case Activity::pass:
       judge_pass();
       break;
@@ -77,12 +81,11 @@ std::optional<RenderJob::Implementation::Phase> RenderJob::Implementation::plan(
       case Step::Kind::finish:
         if (settings.aovs.empty()) return std::nullopt;
         return begin_survey(Activity::aovs, 1, settings.aovs);
-      case Step::Kind::pass: {
-        const std::lock_guard lock(mutex);
-        activity = Activity::pass;
-        films.begin_pass(step.samples);
-        return Phase::rendering;
-      }
+      case Step::Kind::pass:
+        pass_samples = step.samples;
+        preparation = integrator->prepare_pass(
+            camera, {.seed = settings.seed, .first = standing().samples, .count = step.samples});
+        return go_on_preparing_pass();
       case Step::Kind::prepare:
         preparation = integrator->prepare(camera, step.target);
         if (preparation) return begin_preparation(step);
@@ -128,6 +131,20 @@ RenderJob::Implementation::Phase RenderJob::Implementation::go_on_preparing() {
   }
   preparation = nullptr;
   return begin_survey(Activity::survey, survey_stride(settings.film.crop), {Aov::variance, Aov::bias});
+}
+
+RenderJob::Implementation::Phase RenderJob::Implementation::go_on_preparing_pass() {
+  const uint32_t tasks = preparation ? preparation->next_round() : 0;
+  if (tasks == 0) preparation = nullptr;
+  const std::lock_guard lock(mutex);
+  if (tasks > 0) {
+    activity = Activity::pass_preparation;
+    rounds.begin_round(tasks);
+    return Phase::preparing;
+  }
+  activity = Activity::pass;
+  films.begin_pass(pass_samples);
+  return Phase::rendering;
 }
 
 RenderJob::Implementation::Phase RenderJob::Implementation::begin_survey(Activity what, int32_t stride,

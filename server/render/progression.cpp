@@ -63,12 +63,13 @@ integrators::IntegratorSettings integrator_settings(const RenderSettings& settin
   return result;
 }
 
-Progression::Progression(const RenderSettings& settings) : settings_(settings), aim_(cache_error(settings)) {}
+Progression::Progression(const RenderSettings& settings, uint32_t most_samples)
+    : settings_(settings), most_samples_(most_samples), aim_(cache_error(settings)) {}
 
 uint32_t Progression::pass_count() const {
   if (settings_.time_budget_seconds > 0 || settings_.error > 0 || settings_.record_budget > 0) return 0;
   return count_passes(static_cast<uint32_t>(settings_.samples_per_pixel),
-                      static_cast<uint32_t>(settings_.tile_size * settings_.tile_size));
+                      static_cast<uint32_t>(settings_.tile_size * settings_.tile_size), most_samples_);
 }
 
 void Progression::stage_ended(double seconds, bool dropped) {
@@ -110,9 +111,10 @@ Step Progression::pass(const Standing& standing) const {
   if (settings_.time_budget_seconds > 0) {
     step.samples = samples_of_next_pass(
         standing.samples, in_all, tile_pixels,
-        {seconds_left(standing), settings_.time_budget_seconds, seconds_of_a_sample(standing)});
+        {seconds_left(standing), settings_.time_budget_seconds, seconds_of_a_sample(standing)},
+        most_samples_);
   } else {
-    step.samples = samples_of_next_pass(standing.samples, in_all, tile_pixels);
+    step.samples = samples_of_next_pass(standing.samples, in_all, tile_pixels, most_samples_);
   }
   if (step.samples == 0) step.kind = Step::Kind::finish;
   if (decision_at_ > standing.samples) step.samples = std::min(step.samples, decision_at_ - standing.samples);

@@ -38,7 +38,8 @@ integrators::IntegratorSettings integrator_settings(const RenderSettings& settin
 
 class Progression {
  public:
-  explicit Progression(const RenderSettings& settings);
+  /// `most_samples`: of a pass, >= 1.
+  Progression(const RenderSettings& settings, uint32_t most_samples);
 
   Step next(const Standing& standing);
   /// The integrator has nothing to prepare.
@@ -60,6 +61,7 @@ class Progression {
   bool fits(const Standing& standing) const;
 
   RenderSettings settings_;
+  uint32_t most_samples_;  ///< of a pass
   bool prepares_ = true;  ///< finer stages are possible
   uint32_t stages_ = 0;
   double stage_error_ = 0;        ///< of the last stage

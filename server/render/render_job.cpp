@@ -51,7 +51,7 @@ RenderJob::Implementation::Implementation(std::unique_ptr<integrators::Integrato
       crop_pixels(static_cast<uint64_t>(settings.film.crop.width) *
                   static_cast<uint64_t>(settings.film.crop.height)),
       integrator(std::move(integrator_to_use)),
-      progression(settings),
+      progression(settings, integrator->most_samples_of_pass()),
       films(settings) {
   told.pass_count = progression.pass_count();
   if (settings.reference) comparison.emplace(settings.reference);
@@ -138,7 +138,7 @@ Progress RenderJob::Implementation::progress() const {
   progress.rays = rays;
   progress.render_seconds = elapsed_seconds();
   progress.cpu_seconds = cpu_seconds;
-  progress.preparing = phase == Phase::preparing && !ended();
+  progress.preparing = phase == Phase::preparing && activity == Activity::preparation && !ended();
   progress.finished = finished;
   if (settings.error > 0 && told.estimate.error) {
     // Noise, which more samples are for, falls by their root.

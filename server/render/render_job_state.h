@@ -21,7 +21,7 @@ struct RenderJob::Implementation {
   using Clock = std::chrono::steady_clock;
   enum class Phase : uint8_t { planning, preparing, surveying, rendering };
   /// What the plan task finds to be done.
-  enum class Activity : uint8_t { none, preparation, survey, pass, aovs };
+  enum class Activity : uint8_t { none, preparation, survey, pass_preparation, pass, aovs };
 
   /// What a task did besides pixels.
   struct TaskCounters {
@@ -62,6 +62,7 @@ struct RenderJob::Implementation {
   std::optional<Phase> plan();
   Phase begin_preparation(const Step& step);
   Phase go_on_preparing();
+  Phase go_on_preparing_pass();
   void end_stage(bool dropped);
   Phase begin_survey(Activity what, int32_t stride, std::vector<Aov> channels);
   void judge_pass();
@@ -73,7 +74,8 @@ struct RenderJob::Implementation {
 
   // Changed by the plan task only, which runs alone.
   const std::unique_ptr<integrators::Integrator> integrator;
-  std::unique_ptr<integrators::Preparation> preparation;
+  std::unique_ptr<integrators::Preparation> preparation;  ///< of a stage or a pass
+  uint32_t pass_samples = 0;                              ///< of the pass that is prepared
   Progression progression;
   std::optional<ReferenceComparison> comparison;
   bool layered = false;     ///< the integrator has something to prepare: there is a cached layer

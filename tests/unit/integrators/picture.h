@@ -33,6 +33,7 @@ class TestCamera final : public CameraRays {
     return sensor_.sample_ray(film_, position, random.next_vec2());
   }
   scene::Window window() const override { return film_.crop; }
+  Vec2i film_size() const override { return {film_.width, film_.height}; }
   Vec3f position() const override { return Vec3f(Vec3d(sensor_.to_world[3])); }
   float pixel_angle() const override {
     return 2 * std::tan(static_cast<float>(sensor_.fov_x_degrees) * pi / 360) /

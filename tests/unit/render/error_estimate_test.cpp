@@ -111,6 +111,7 @@ TEST(RelativeBias, FollowsItsFormula) {
    public:
     Ray sample(uint32_t, uint32_t, RandomStream&) const override { return {}; }
     scene::Window window() const override { return {}; }
+    Vec2i film_size() const override { return {}; }
     Vec3f position() const override { return Vec3f(0); }
     float pixel_angle() const override { return 0; }
   };

@@ -1,0 +1,68 @@
+// Progressive photon beams (Jarosz et al. 2011, "Progressive Photon Beams"): every sample of the pixels looks
+// at photons of its own, with a radius that shrinks from sample to sample, so that noise and blur both go to
+// zero while memory stays the same (Knaus and Zwicker 2011, "Progressive Photon Mapping: A Probabilistic
+// Approach"). It finds what paths from the camera can't: caustics of small lights, through fog as on
+// surfaces.
+//
+// Sample number n of every pixel is a function of scene, camera, settings, seed and n. The paths of photons
+// begin where a pilot found that they matter for the picture (transport::EmissionGuide).
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "integrators/integrator.h"
+#include "integrators/photon_gather.h"
+#include "transport/emission_guide.h"
+#include "transport/light_emission.h"
+#include "transport/photon_tracer.h"
+
+namespace fogbank::integrators {
+
+/// What a pilot finds out before the first pass.
+struct PhotonPlan {
+  transport::EmissionGuide guide;
+  uint32_t paths = 0;        ///< of a pass; 0: there is no light
+  float beam_radius = 0;     ///< of the first sample, scene units
+  float surface_radius = 0;  ///< the same for photons on surfaces
+};
+
+class PhotonBeamsIntegrator final : public Integrator {
+ public:
+  /// Beams of a pass, about: as many as the whole film has pixels, but within these limits. A pass takes up
+  /// to 1 KiB of memory for each.
+  static constexpr uint32_t least_beams = uint32_t{1} << 14;
+  static constexpr uint32_t most_beams = uint32_t{1} << 18;
+
+  PhotonBeamsIntegrator(std::shared_ptr<const transport::World> world, const IntegratorSettings& settings);
+
+  /// Throws std::logic_error unless its sample number has been prepared.
+  PixelSample sample(const Ray& ray, RandomStream& random, RayCounters& counters) const override;
+  uint32_t most_samples_of_pass() const override { return 1; }
+  std::unique_ptr<Preparation> prepare_pass(const CameraRays& camera, const PassSamples& samples) override;
+
+  const transport::LightEmission& emission() const { return emission_; }
+  const transport::PhotonTracer& tracer() const { return tracer_; }
+  const PhotonGather& gather() const { return gather_; }
+  const std::optional<PhotonPlan>& plan() const { return plan_; }
+  /// While nothing is rendered.
+  void set_plan(PhotonPlan plan) { plan_ = std::move(plan); }
+  void publish(std::unique_ptr<const PhotonPass> pass) { pass_ = std::move(pass); }
+
+  /// Radii of sample n over those of sample 0.
+  struct Shrinking {
+    float beams = 1;
+    float surfaces = 1;
+  };
+  static Shrinking shrinking(uint32_t sample);
+
+ private:
+  std::shared_ptr<const transport::World> world_;
+  transport::LightEmission emission_;
+  transport::PhotonTracer tracer_;
+  PhotonGather gather_;
+  std::optional<PhotonPlan> plan_;
+  std::unique_ptr<const PhotonPass> pass_;
+};
+
+}  // namespace fogbank::integrators

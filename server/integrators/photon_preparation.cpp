@@ -1,0 +1,268 @@
+#include "integrators/photon_preparation.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fogbank::integrators {
+
+namespace {
+
+constexpr uint32_t trace_tasks = 32;
+constexpr uint32_t photon_stream = 0x70686F74u;
+constexpr uint32_t pilot_stream = 0x70696C6Fu;
+
+// Of the pilot:
+constexpr uint32_t attempts = 3;
+constexpr uint32_t pilot_paths = 4096;
+constexpr uint32_t pilot_rays = 32;  ///< a side of the film
+/// Radii, as shares of how far the camera sees.
+constexpr float pilot_beam_radius = 0.02f;
+constexpr float pilot_surface_radius = 0.04f;
+/// A pixel as dark as this share of the mean still has its noise counted in full.
+constexpr double dark_share = 0.1;
+/// Optical distance that counts as far as one can see.
+constexpr float optical_distance = 4;
+
+/// Beams that a camera ray crosses and photons that a surface finds in the first pass: where they become
+/// fewer, the time of a pass goes into work that doesn't depend on the radius.
+constexpr double wanted_crossings = 100;
+constexpr double wanted_photons = 12;
+/// Limits to the radii of the first pass, as shares of how far the camera sees.
+constexpr float least_radius = 1e-4f;
+constexpr float most_radius = 0.05f;
+constexpr uint32_t least_paths = 256;
+
+float clamped_radius(double radius, float distance) {
+  if (!std::isfinite(radius)) return most_radius * distance;
+  return std::clamp(static_cast<float>(radius), least_radius * distance, most_radius * distance);
+}
+
+}  // namespace
+
+class PhotonPreparation::LookObserver final : public PhotonObserver {
+ public:
+  explicit LookObserver(Look& look) : look_(look) {}
+  void beam(uint32_t path, float radiance) override {
+    ++look_.beams;
+    look_.shares.emplace_back(path, radiance);
+  }
+  void photon(uint32_t path, float radiance) override {
+    ++look_.photons;
+    look_.shares.emplace_back(path, radiance);
+  }
+  void surface() override { ++look_.surfaces; }
+
+ private:
+  Look& look_;
+};
+
+uint32_t PhotonPreparation::next_round() {
+  switch (round_) {
+    case Round::begin:
+      if (integrator_.emission().dark()) {
+        if (piloting()) integrator_.set_plan({});
+        pass_ = std::make_unique<PhotonPass>();
+        break;
+      }
+      if (piloting()) distance_ = typical_distance();
+      return begin_tracing();
+    case Round::tracing:
+      return begin_building();
+    case Round::building:
+      if (!piloting()) break;
+      round_ = Round::looking;
+      looks_.assign(size_t{pilot_rays} * pilot_rays, {});
+      return pilot_rays;
+    case Round::looking:
+      learn();
+      if (++attempt_ == attempts) integrator_.set_plan(make_plan());
+      return begin_tracing();
+    case Round::done:
+      return 0;
+  }
+  pass_->sample = samples_.first;
+  integrator_.publish(std::move(pass_));
+  round_ = Round::done;
+  return 0;
+}
+
+uint32_t PhotonPreparation::begin_tracing() {
+  round_ = Round::tracing;
+  if (piloting()) {
+    paths_ = pilot_paths;
+    beam_radius_ = pilot_beam_radius * distance_;
+    surface_radius_ = pilot_surface_radius * distance_;
+    points_.resize(paths_);
+  } else {
+    const PhotonBeamsIntegrator::Shrinking shrinking = PhotonBeamsIntegrator::shrinking(samples_.first);
+    const PhotonPlan& plan = *integrator_.plan();
+    paths_ = plan.paths;
+    beam_radius_ = plan.beam_radius * shrinking.beams;
+    surface_radius_ = plan.surface_radius * shrinking.surfaces;
+  }
+  traced_.assign(trace_tasks, {});
+  return trace_tasks;
+}
+
+void PhotonPreparation::trace(uint32_t task, RayCounters& counters) {
+  const transport::EmissionGuide& guide = piloting() ? guide_ : integrator_.plan()->guide;
+  transport::Photons photons;
+  const auto path_of = [&](uint32_t number) {
+    return static_cast<uint32_t>(uint64_t{number} * paths_ / trace_tasks);
+  };
+  for (uint32_t path = path_of(task); path < path_of(task + 1); ++path) {
+    counters.poll_at(path);
+    RandomStream random(samples_.seed, path, attempt_, samples_.first,
+                        piloting() ? pilot_stream : photon_stream);
+    const auto count = static_cast<float>(paths_);
+    const float u_box = std::fmin((static_cast<float>(path) + random.next_float()) / count, one_minus_epsilon);
+    const transport::EmissionGuide::Sample sample = guide.sample(u_box, random);
+    if (piloting()) points_[path] = sample.point;
+    std::optional<transport::EmittedRay> ray = integrator_.emission().sample(sample.point);
+    if (!ray) continue;
+    ray->flux /= sample.pdf * count;
+    integrator_.tracer().trace(*ray, path, random, counters, photons);
+  }
+  traced_[task] = std::move(photons);
+}
+
+uint32_t PhotonPreparation::begin_building() {
+  std::vector<transport::PhotonBeam> beams;
+  std::vector<transport::SurfacePhoton> photons;
+  for (transport::Photons& part : traced_) {
+    beams.insert(beams.end(), part.beams.begin(), part.beams.end());
+    photons.insert(photons.end(), part.on_surfaces.begin(), part.on_surfaces.end());
+    part = {};
+  }
+  beams_ = beams.size();
+  photons_ = photons.size();
+  pass_ = std::make_unique<PhotonPass>();
+  if (!beams.empty()) pass_->beams.emplace(std::move(beams), beam_radius_);
+  if (!photons.empty()) pass_->photons.emplace(std::move(photons), surface_radius_);
+  round_ = Round::building;
+  // A round has a task at least.
+  return pass_->beams ? pass_->beams->part_count() : 1;
+}
+
+void PhotonPreparation::run(uint32_t task, RayCounters& counters) {
+  switch (round_) {
+    case Round::tracing:
+      trace(task, counters);
+      break;
+    case Round::building:
+      if (pass_->beams) pass_->beams->build_part(task);
+      break;
+    case Round::looking:
+      look(task, counters);
+      break;
+    case Round::begin:
+    case Round::done:
+      break;
+  }
+}
+
+Ray PhotonPreparation::pilot_ray(uint32_t column, uint32_t row, RandomStream& random) const {
+  const Vec2i size = camera_.film_size();
+  const auto pixel = [](uint32_t number, int32_t pixels) {
+    return static_cast<uint32_t>((2 * uint64_t{number} + 1) * static_cast<uint64_t>(pixels) / (2 * pilot_rays));
+  };
+  return camera_.sample(pixel(column, size.x), pixel(row, size.y), random);
+}
+
+float PhotonPreparation::typical_distance() const {
+  const scene::Scene& scene = integrator_.gather().world().scene();
+  float most = scene.bounds.radius > 0 ? 2 * scene.bounds.radius : infinity;
+  if (scene.sensor.medium != scene::none) {
+    const float sigma_t = integrator_.gather().world().medium(scene.sensor.medium).mean_sigma_t;
+    if (sigma_t > 0) most = std::fmin(most, optical_distance / sigma_t);
+  }
+  std::vector<float> distances;
+  for (uint32_t i = 0; i < pilot_rays * pilot_rays; ++i) {
+    RandomStream random(samples_.seed, i % pilot_rays, i / pilot_rays, 0, pilot_stream + 1);
+    const Ray ray = pilot_ray(i % pilot_rays, i / pilot_rays, random);
+    scene::Hit hit;
+    const bool found = scene.intersector->intersect(ray, hit);
+    distances.push_back(std::fmin(found ? hit.distance : infinity, most));
+  }
+  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+  std::nth_element(distances.begin(), middle, distances.end());
+  return std::isfinite(*middle) && *middle > 0 ? *middle : 1.0f;
+}
+
+void PhotonPreparation::look(uint32_t row, RayCounters& counters) {
+  for (uint32_t column = 0; column < pilot_rays; ++column) {
+    counters.poll();
+    RandomStream random(samples_.seed, column, row, attempt_, pilot_stream + 2);
+    Look look;
+    LookObserver observer(look);
+    const Ray ray = pilot_ray(column, row, random);
+    look.radiance = luminance(integrator_.gather().radiance(ray, *pass_, random, counters, &observer));
+    // What a path adds in several places adds up.
+    std::stable_sort(look.shares.begin(), look.shares.end(),
+                     [](const auto& a, const auto& b) { return a.first < b.first; });
+    size_t kept = 0;
+    for (size_t i = 0; i < look.shares.size(); ++i) {
+      if (kept > 0 && look.shares[kept - 1].first == look.shares[i].first) {
+        look.shares[kept - 1].second += look.shares[i].second;
+      } else {
+        look.shares[kept++] = look.shares[i];
+      }
+    }
+    look.shares.resize(kept);
+    looks_[size_t{row} * pilot_rays + column] = std::move(look);
+  }
+}
+
+void PhotonPreparation::learn() {
+  double mean = 0;
+  for (const Look& look : looks_) mean += static_cast<double>(look.radiance) / static_cast<double>(looks_.size());
+  std::vector<double> squares(paths_, 0);
+  for (const Look& look : looks_) {
+    const double scale = static_cast<double>(look.radiance) + dark_share * mean;
+    if (!(scale > 0) || !std::isfinite(scale)) continue;
+    // A beam that is nearly parallel to a ray says little about its neighbours: its share is at most 1 anyway.
+    for (const auto& [path, radiance] : look.shares)
+      squares[path] += std::pow(std::min(static_cast<double>(radiance) / scale, 1.0), 2.0);
+  }
+  for (uint32_t path = 0; path < paths_; ++path) {
+    if (squares[path] > 0)
+      trials_.push_back({points_[path], static_cast<float>(std::sqrt(squares[path]))});
+  }
+  guide_ = transport::EmissionGuide(trials_);
+}
+
+PhotonPlan PhotonPreparation::make_plan() const {
+  double crossings = 0;
+  double photons = 0;
+  double surfaces = 0;
+  for (const Look& look : looks_) {
+    crossings += look.beams;
+    photons += look.photons;
+    surfaces += look.surfaces;
+  }
+  crossings /= static_cast<double>(looks_.size());
+  photons /= std::max(surfaces, 1.0);
+  const Vec2i size = camera_.film_size();
+  const auto wanted = static_cast<double>(std::clamp<int64_t>(int64_t{size.x} * size.y,
+                                                              PhotonBeamsIntegrator::least_beams,
+                                                              PhotonBeamsIntegrator::most_beams));
+  const double left_by_path = static_cast<double>(std::max(beams_, photons_)) / paths_;
+  PhotonPlan plan;
+  plan.guide = guide_;
+  plan.paths = static_cast<uint32_t>(
+      std::clamp(wanted / std::max(left_by_path, 0.25), static_cast<double>(least_paths), wanted));
+  // Crossings grow with the radius, photons with its square.
+  const double more = static_cast<double>(plan.paths) / paths_;
+  plan.beam_radius = clamped_radius(
+      static_cast<double>(beam_radius_) * wanted_crossings / (crossings * more), distance_);
+  plan.surface_radius = clamped_radius(
+      static_cast<double>(surface_radius_) * std::sqrt(wanted_photons / (photons * more)), distance_);
+  return plan;
+}
+
+double PhotonPreparation::fraction() const {
+  if (round_ == Round::done) return 1;
+  return piloting() ? static_cast<double>(attempt_) / (attempts + 1) : 0.75;
+}
+
+}  // namespace fogbank::integrators
