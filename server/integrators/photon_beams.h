@@ -29,10 +29,10 @@ struct PhotonPlan {
 
 class PhotonBeamsIntegrator final : public Integrator {
  public:
-  /// Beams of a pass, about: as many as the whole film has pixels, but within these limits. A pass takes up
-  /// to 1 KiB of memory for each.
-  static constexpr uint32_t least_beams = uint32_t{1} << 14;
-  static constexpr uint32_t most_beams = uint32_t{1} << 18;
+  /// Beams, or photons on surfaces where these are more, that a pass is to have: one for four pixels of the
+  /// whole film, but within these limits. A pass takes up to 1.2 KiB of memory for each: 160 MiB at most.
+  static constexpr uint32_t least_beams = uint32_t{1} << 12;
+  static constexpr uint32_t most_beams = uint32_t{1} << 17;
 
   PhotonBeamsIntegrator(std::shared_ptr<const transport::World> world, const IntegratorSettings& settings);
 

@@ -23,6 +23,8 @@ constexpr float narrow_lobe = 2.0f;
 /// of the radius, belong to other surfaces.
 constexpr float least_cosine_of_normals = 0.7f;
 constexpr float most_height = 0.5f;
+/// Samples of the lights at a place: next to what gathering takes they cost nothing.
+constexpr int32_t direct_light_samples = 4;
 /// As in PathTracer.
 constexpr float most_survival = 0.999f;
 constexpr int32_t most_null_events = 1024;
@@ -105,16 +107,16 @@ Spectrum PhotonGather::from_beams(const Walk& walk, float length, const PhotonPa
   if (!pass.beams || !may_scatter(walk)) return sum;
   const MediumInfo& medium = world_->medium(walk.medium);
   const float end_rate = transport::PhotonTracer::end_rate(medium);
-  const PhotonBeamTree& tree = *pass.beams;
-  tree.find({walk.ray.origin, walk.ray.direction, length}, [&](const BeamCrossing& crossing) {
-    const PhotonBeam& beam = tree.beam(crossing.beam);
+  const PhotonBeamGrid& grid = *pass.beams;
+  grid.find({walk.ray.origin, walk.ray.direction, length}, [&](const BeamCrossing& crossing) {
+    const PhotonBeam& beam = grid.beam(crossing.beam);
     if (beam.medium != walk.medium) return;
     if (settings_.max_depth >= 0 &&
         static_cast<int64_t>(beam.depth) + walk.depth + 2 > settings_.max_depth)
       return;
     const float phase = medium.phase.evaluate(beam.direction, -walk.ray.direction);
     const Spectrum value = beam.flux * weight_along(medium, end_rate, crossing) *
-                           (phase * line_kernel(crossing.gap, tree.radius()) / crossing.sine);
+                           (phase * line_kernel(crossing.gap, grid.radius()) / crossing.sine);
     sum += value;
     if (observer != nullptr) observer->beam(beam.path, luminance(walk.throughput * medium.sigma_s * value));
   });
@@ -215,11 +217,12 @@ Spectrum PhotonGather::radiance(const Ray& ray, const PhotonPass& pass, RandomSt
       const transport::ShadingPoint point = transport::World::shading_point(surface);
       const bool lambertian =
           bsdf.lambertian_reflectance(point, point.frame.to_local(-walk.ray.direction)).has_value();
-      if (world_->lights().size() > 0) {
-        radiance += walk.throughput *
-                    reflected_direct_light(*world_, surface, walk.ray.direction, walk.medium,
-                                           lambertian ? EmissionFoundBy::light_sampling
-                                                      : EmissionFoundBy::light_and_path_sampling,
+      const auto found_by = lambertian ? EmissionFoundBy::light_sampling
+                                       : EmissionFoundBy::light_and_path_sampling;
+      const int32_t samples = world_->lights().size() == 0 ? 0 : lambertian ? direct_light_samples : 1;
+      for (int32_t i = 0; i < samples; ++i) {
+        radiance += walk.throughput / static_cast<float>(samples) *
+                    reflected_direct_light(*world_, surface, walk.ray.direction, walk.medium, found_by,
                                            random, counters);
       }
       radiance += walk.throughput * from_photons(walk, surface, bsdf, pass, observer);

@@ -4,7 +4,7 @@
 
 #include <optional>
 
-#include "integrators/photon_beam_tree.h"
+#include "integrators/photon_beam_grid.h"
 #include "integrators/photon_map.h"
 #include "transport/path_tracer.h"
 
@@ -13,7 +13,7 @@ namespace fogbank::integrators {
 /// What one pass's paths of photons left behind; their flux is that of the whole scene.
 struct PhotonPass {
   uint32_t sample = 0;  ///< of each pixel that it is for
-  std::optional<PhotonBeamTree> beams;
+  std::optional<PhotonBeamGrid> beams;
   std::optional<PhotonMap> photons;
 };
 

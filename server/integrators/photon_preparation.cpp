@@ -12,8 +12,8 @@ constexpr uint32_t photon_stream = 0x70686F74u;
 constexpr uint32_t pilot_stream = 0x70696C6Fu;
 
 // Of the pilot:
-constexpr uint32_t attempts = 3;
-constexpr uint32_t pilot_paths = 4096;
+constexpr uint32_t attempts = 4;
+constexpr uint32_t pilot_paths = 8192;
 constexpr uint32_t pilot_rays = 32;  ///< a side of the film
 /// Radii, as shares of how far the camera sees.
 constexpr float pilot_beam_radius = 0.02f;
@@ -25,7 +25,7 @@ constexpr float optical_distance = 4;
 
 /// Beams that a camera ray crosses and photons that a surface finds in the first pass: where they become
 /// fewer, the time of a pass goes into work that doesn't depend on the radius.
-constexpr double wanted_crossings = 100;
+constexpr double wanted_crossings = 60;
 constexpr double wanted_photons = 12;
 /// Limits to the radii of the first pass, as shares of how far the camera sees.
 constexpr float least_radius = 1e-4f;
@@ -112,8 +112,9 @@ void PhotonPreparation::trace(uint32_t task, RayCounters& counters) {
   };
   for (uint32_t path = path_of(task); path < path_of(task + 1); ++path) {
     counters.poll_at(path);
-    RandomStream random(samples_.seed, path, attempt_, samples_.first,
-                        piloting() ? pilot_stream : photon_stream);
+    // The pilot's outcome doesn't depend on the sample that it was first needed for.
+    RandomStream random = piloting() ? RandomStream(samples_.seed, path, attempt_, 0, pilot_stream)
+                                     : RandomStream(samples_.seed, path, 0, samples_.first, photon_stream);
     const auto count = static_cast<float>(paths_);
     const float u_box = std::fmin((static_cast<float>(path) + random.next_float()) / count, one_minus_epsilon);
     const transport::EmissionGuide::Sample sample = guide.sample(u_box, random);
@@ -233,17 +234,19 @@ void PhotonPreparation::learn() {
 
 PhotonPlan PhotonPreparation::make_plan() const {
   double crossings = 0;
+  double crossing = 0;  // rays
   double photons = 0;
   double surfaces = 0;
   for (const Look& look : looks_) {
     crossings += look.beams;
+    crossing += look.beams > 0 ? 1 : 0;
     photons += look.photons;
     surfaces += look.surfaces;
   }
-  crossings /= static_cast<double>(looks_.size());
+  crossings /= std::max(crossing, 1.0);
   photons /= std::max(surfaces, 1.0);
   const Vec2i size = camera_.film_size();
-  const auto wanted = static_cast<double>(std::clamp<int64_t>(int64_t{size.x} * size.y,
+  const auto wanted = static_cast<double>(std::clamp<int64_t>(int64_t{size.x} * size.y / 4,
                                                               PhotonBeamsIntegrator::least_beams,
                                                               PhotonBeamsIntegrator::most_beams));
   const double left_by_path = static_cast<double>(std::max(beams_, photons_)) / paths_;

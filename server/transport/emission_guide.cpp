@@ -9,7 +9,10 @@ namespace {
 
 /// Share of the paths that are drawn uniformly: no path's weight is more than 1 / uniform_share times what it
 /// would be without a guide, however wrong the guide.
-constexpr float uniform_share = 0.25f;
+constexpr float uniform_share = 0.1f;
+/// Trials of middling importance that a box is thought to have had in each half besides its own: a half
+/// where few trials found nothing isn't ruled out.
+constexpr double prior_trials = 1;
 /// A box with fewer trials of any importance, or with less than this share of all importance, stays whole.
 constexpr size_t least_trials = 12;
 constexpr double least_mass = 1.0 / 256;
@@ -34,15 +37,14 @@ EmissionGuide::EmissionGuide(std::span<const EmissionTrial> trials) {
   const double total = mass_of(important);
   Box whole;
   whole.size.fill(1);
+  whole.probability = 1;
   split(important, whole, least_mass * total);
   cumulative_.push_back(0);
   double sum = 0;
   for (Box& box : boxes_) {
     float volume = 1;
     for (const float side : box.size) volume *= side;
-    // `probability` held the box's mass until now.
-    const double learnt = total > 0 ? static_cast<double>(box.probability) / total : volume;
-    box.probability = uniform_share * volume + (1 - uniform_share) * static_cast<float>(learnt);
+    box.probability = uniform_share * volume + (1 - uniform_share) * box.probability;
     sum += static_cast<double>(box.probability);
     cumulative_.push_back(static_cast<float>(sum));
   }
@@ -72,7 +74,6 @@ void EmissionGuide::split(std::span<EmissionTrial> trials, const Box& box, doubl
   }
   if (dimension == emission_dimensions) {
     boxes_.push_back(box);
-    boxes_.back().probability = static_cast<float>(mass);
     return;
   }
   Box lower = box;
@@ -84,6 +85,10 @@ void EmissionGuide::split(std::span<EmissionTrial> trials, const Box& box, doubl
     return trial.point[dimension] < middle;
   });
   const auto count = static_cast<size_t>(end - trials.begin());
+  const double prior = prior_trials * mass / static_cast<double>(trials.size());
+  const double share = (mass_of(trials.first(count)) + prior) / (mass + 2 * prior);
+  lower.probability = box.probability * static_cast<float>(share);
+  upper.probability = box.probability * static_cast<float>(1 - share);
   split(trials.first(count), lower, mass_of_split);
   split(trials.subspan(count), upper, mass_of_split);
 }

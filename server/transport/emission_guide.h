@@ -38,7 +38,7 @@ class EmissionGuide {
   struct Box {
     EmissionPoint lower{};
     EmissionPoint size{};
-    float probability = 0;
+    float probability = 0;  ///< of being drawn
   };
 
   void split(std::span<EmissionTrial> trials, const Box& box, double mass_of_split);

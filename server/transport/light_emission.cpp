@@ -10,6 +10,8 @@ namespace {
 
 /// Rays leave surfaces by this share of the size of their coordinates, so that they don't hit the light.
 constexpr float surface_offset = 4e-6f;
+/// Part of the choice of a light that doesn't follow power: the sky outweighs a lamp in a room manifold.
+constexpr double even_share = 0.5;
 /// The disk for light from infinity is that much larger than the scene.
 constexpr float margin = 1.001f;
 /// Places of a light that are asked for their medium, a side.
@@ -96,9 +98,17 @@ LightEmission::LightEmission(const World& world) : world_(world) {
   radius_ = bounds.radius * margin;
   const auto count = static_cast<uint32_t>(world.lights().size());
   cumulative_.push_back(0);
-  double sum = 0;
+  std::vector<double> powers;
+  double total = 0;
+  double shining = 0;  // lights
   for (uint32_t i = 0; i < count; ++i) {
-    sum += static_cast<double>(power(world.lights().light(i)));
+    powers.push_back(static_cast<double>(power(world.lights().light(i))));
+    total += powers.back();
+    shining += powers.back() > 0 ? 1 : 0;
+  }
+  double sum = 0;
+  for (const double power : powers) {
+    if (power > 0) sum += even_share / shining + (1 - even_share) * power / total;
     cumulative_.push_back(static_cast<float>(sum));
   }
   for (uint32_t i = 0; i < count; ++i) {

@@ -21,7 +21,7 @@ struct EmittedRay {
   int32_t medium = scene::none;  ///< that holds the origin
 };
 
-/// Rays with a density that follows the lights' power, by area and cosine or by direction. Light from
+/// Rays from lights that are chosen half by power, half evenly, then by area and cosine or by direction. Light from
 /// infinity enters through a disk around the scene's bounding sphere. Immutable.
 class LightEmission {
  public:
@@ -36,14 +36,14 @@ class LightEmission {
 
  private:
   std::optional<EmittedRay> sample_light(uint32_t light, const Vec2f& place, const Vec2f& direction) const;
-  /// Luminance of the power that leaves a light, about: probabilities are proportional to it.
+  /// Luminance of the power that leaves a light, about.
   float power(const Light& light) const;
   int32_t medium_around(uint32_t light, const Vec3f& origin) const;
 
   const World& world_;
   Vec3f center_{0};
   float radius_ = 0;  ///< of a sphere around all surfaces; 0: there are none
-  std::vector<float> cumulative_;  ///< power, from 0; one more than there are lights
+  std::vector<float> cumulative_;  ///< probability of lights, from 0; one more than there are
   /// The medium around each light, where all places that were tried agree.
   std::vector<std::optional<int32_t>> medium_of_light_;
 };
