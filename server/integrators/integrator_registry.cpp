@@ -39,7 +39,8 @@ const std::vector<Entry>& entries() {
           const IntegratorSettings& settings) -> std::unique_ptr<Integrator> {
          return std::make_unique<RadianceCacheIntegrator>(std::move(world), settings, unaware_technique);
        }},
-      {{"photon-beams", "progressive photon beams: finds caustics of small lights; blur and noise both go to zero"},
+      {{"photon-beams",
+        "progressive photon beams: finds caustics of small lights; blur and noise both go to zero"},
        [](std::shared_ptr<const transport::World> world,
           const IntegratorSettings& settings) -> std::unique_ptr<Integrator> {
          return std::make_unique<PhotonBeamsIntegrator>(std::move(world), settings);

@@ -45,8 +45,8 @@ PhotonBeamGrid::PhotonBeamGrid(std::vector<transport::PhotonBeam> beams, float r
     const Vec3f cells = glm::ceil((size + 2 * (radius_ + margin_of_cell * cell)) / cell) + 1.0f;
     return static_cast<double>(cells.x) * static_cast<double>(cells.y) * static_cast<double>(cells.z);
   };
-  const double most_cells = std::max(static_cast<double>(cells_a_beam) * static_cast<double>(beams_.size()),
-                                     least_most_cells);
+  const double most_cells =
+      std::max(static_cast<double>(cells_a_beam) * static_cast<double>(beams_.size()), least_most_cells);
   while (count_of(cell_) > most_cells) cell_ *= 1.1f;
   inverse_cell_ = 1 / cell_;
   reach_ = radius_ + margin_of_cell * cell_;
@@ -65,7 +65,8 @@ uint32_t PhotonBeamGrid::cell_in_slab(const glm::ivec3& cell) const {
 }
 
 template <typename Visit>
-void PhotonBeamGrid::cells_of(const transport::PhotonBeam& line, int32_t first, int32_t end, Visit&& visit) const {
+void PhotonBeamGrid::cells_of(const transport::PhotonBeam& line, int32_t first, int32_t end,
+                              Visit&& visit) const {
   // The stretch of the beam that can reach the slab.
   const Vec3f origin = line.origin - lower_;
   const auto stretch = [&](int axis, float from, float to, float& begin, float& last) {
@@ -81,8 +82,8 @@ void PhotonBeamGrid::cells_of(const transport::PhotonBeam& line, int32_t first, 
   };
   float slab_begin = 0;
   float slab_end = line.length;
-  stretch(axis_, static_cast<float>(first) * cell_ - reach_, static_cast<float>(end) * cell_ + reach_, slab_begin,
-          slab_end);
+  stretch(axis_, static_cast<float>(first) * cell_ - reach_, static_cast<float>(end) * cell_ + reach_,
+          slab_begin, slab_end);
   if (slab_begin > slab_end) return;
   glm::ivec3 lower(0);
   glm::ivec3 upper = size_ - 1;
@@ -143,7 +144,8 @@ void PhotonBeamGrid::build_part(uint32_t part) {
   slab.beams.resize(slab.first.back());
   std::vector<uint32_t> next(slab.first.begin(), slab.first.end() - 1);
   for (uint32_t i = 0; i < beams_.size(); ++i)
-    cells_of(beams_[i], first, end, [&](const glm::ivec3& cell) { slab.beams[next[cell_in_slab(cell)]++] = i; });
+    cells_of(beams_[i], first, end,
+             [&](const glm::ivec3& cell) { slab.beams[next[cell_in_slab(cell)]++] = i; });
 }
 
 }  // namespace fogbank::integrators

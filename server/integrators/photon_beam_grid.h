@@ -81,7 +81,7 @@ class PhotonBeamGrid {
   float inverse_cell_ = 1;
   Vec3f lower_{0};
   glm::ivec3 size_{1};  ///< cells
-  int axis_ = 0;   ///< the longest
+  int axis_ = 0;        ///< the longest
   int32_t layers_of_slab_ = 1;
   std::vector<Slab> slabs_;
 };
@@ -101,7 +101,7 @@ template <typename Visit>
 void PhotonBeamGrid::look_at(const Batch& batch, const Ray& ray, Visit&& visit) const {
   const auto [px, py, pz, qx, qy, qz, length, unused] = derivatives::transpose(std::array<Lanes, width>{
       lines_[batch.beam[0]], lines_[batch.beam[1]], lines_[batch.beam[2]], lines_[batch.beam[3]],
-       lines_[batch.beam[4]], lines_[batch.beam[5]], lines_[batch.beam[6]], lines_[batch.beam[7]]});
+      lines_[batch.beam[4]], lines_[batch.beam[5]], lines_[batch.beam[6]], lines_[batch.beam[7]]});
   // Nearest points of two lines: o + t d and p + s q, with w = o - p and n = d x q.
   const Vec3f& d = ray.direction;
   const Lanes wx = ray.origin.x - px;

@@ -22,7 +22,8 @@ namespace fogbank::integrators {
 /// What a pilot finds out before the first pass.
 struct PhotonPlan {
   transport::EmissionGuide guide;
-  uint32_t paths = 0;        ///< of a pass; 0: there is no light
+  uint32_t paths = 0;        ///< of a pass, a multiple of `beam_stride`; 0: there is no light
+  uint32_t beam_stride = 1;  ///< every how many-th path leaves beams; all leave photons on surfaces
   float beam_radius = 0;     ///< of the first sample, scene units
   float surface_radius = 0;  ///< the same for photons on surfaces
 };

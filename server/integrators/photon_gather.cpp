@@ -23,6 +23,8 @@ constexpr float narrow_lobe = 2.0f;
 /// of the radius, belong to other surfaces.
 constexpr float least_cosine_of_normals = 0.7f;
 constexpr float most_height = 0.5f;
+/// A beam that is closer to parallel to a ray says little about its neighbours: an observer is told less.
+constexpr float observed_sine = 0.3f;
 /// Samples of the lights at a place: next to what gathering takes they cost nothing.
 constexpr int32_t direct_light_samples = 4;
 /// As in PathTracer.
@@ -81,8 +83,7 @@ float PhotonGather::emitter_weight(const Walk& walk, uint32_t light_index,
   const transport::LightSampler& lights = world_->lights();
   const float pdf = lights.light(light_index)
                         .pdf(walk.last_position, walk.ray.direction, hit != nullptr ? &*seen : nullptr);
-  return transport::power_heuristic(walk.last_pdf,
-                                    lights.probability(walk.last_receiver, light_index) * pdf);
+  return transport::power_heuristic(walk.last_pdf, lights.probability(walk.last_receiver, light_index) * pdf);
 }
 
 Spectrum PhotonGather::emission(const Walk& walk, const scene::SurfaceInteraction* surface) const {
@@ -111,14 +112,16 @@ Spectrum PhotonGather::from_beams(const Walk& walk, float length, const PhotonPa
   grid.find({walk.ray.origin, walk.ray.direction, length}, [&](const BeamCrossing& crossing) {
     const PhotonBeam& beam = grid.beam(crossing.beam);
     if (beam.medium != walk.medium) return;
-    if (settings_.max_depth >= 0 &&
-        static_cast<int64_t>(beam.depth) + walk.depth + 2 > settings_.max_depth)
+    if (settings_.max_depth >= 0 && static_cast<int64_t>(beam.depth) + walk.depth + 2 > settings_.max_depth)
       return;
     const float phase = medium.phase.evaluate(beam.direction, -walk.ray.direction);
     const Spectrum value = beam.flux * weight_along(medium, end_rate, crossing) *
                            (phase * line_kernel(crossing.gap, grid.radius()) / crossing.sine);
     sum += value;
-    if (observer != nullptr) observer->beam(beam.path, luminance(walk.throughput * medium.sigma_s * value));
+    if (observer != nullptr) {
+      observer->beam(beam.path, luminance(walk.throughput * medium.sigma_s * value) *
+                                    std::fmin(crossing.sine / observed_sine, 1.0f));
+    }
   });
   return sum * medium.sigma_s;
 }
@@ -133,8 +136,7 @@ Spectrum PhotonGather::from_photons(const Walk& walk, const scene::SurfaceIntera
   const Vec3f wo = point.frame.to_local(-walk.ray.direction);
   const float radius = pass.photons->radius();
   pass.photons->find(surface.position, [&](const SurfacePhoton& photon, float distance_squared) {
-    if (settings_.max_depth >= 0 &&
-        static_cast<int64_t>(photon.depth) + walk.depth + 2 > settings_.max_depth)
+    if (settings_.max_depth >= 0 && static_cast<int64_t>(photon.depth) + walk.depth + 2 > settings_.max_depth)
       return;
     if (glm::dot(photon.geometric_normal, surface.geometric_normal) < least_cosine_of_normals) return;
     const Vec3f offset = photon.position - surface.position;
@@ -144,8 +146,7 @@ Spectrum PhotonGather::from_photons(const Walk& walk, const scene::SurfaceIntera
     if (bsdf_value.pdf >= narrow_lobe) return;
     const float cosine = std::fabs(glm::dot(photon.direction, photon.geometric_normal));
     if (!(cosine > 0)) return;
-    const Spectrum value =
-        photon.flux * bsdf_value.value * (disk_kernel(distance_squared, radius) / cosine);
+    const Spectrum value = photon.flux * bsdf_value.value * (disk_kernel(distance_squared, radius) / cosine);
     sum += value;
     if (observer != nullptr) observer->photon(photon.path, luminance(walk.throughput * value));
   });
@@ -217,8 +218,8 @@ Spectrum PhotonGather::radiance(const Ray& ray, const PhotonPass& pass, RandomSt
       const transport::ShadingPoint point = transport::World::shading_point(surface);
       const bool lambertian =
           bsdf.lambertian_reflectance(point, point.frame.to_local(-walk.ray.direction)).has_value();
-      const auto found_by = lambertian ? EmissionFoundBy::light_sampling
-                                       : EmissionFoundBy::light_and_path_sampling;
+      const auto found_by =
+          lambertian ? EmissionFoundBy::light_sampling : EmissionFoundBy::light_and_path_sampling;
       const int32_t samples = world_->lights().size() == 0 ? 0 : lambertian ? direct_light_samples : 1;
       for (int32_t i = 0; i < samples; ++i) {
         radiance += walk.throughput / static_cast<float>(samples) *

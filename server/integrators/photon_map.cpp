@@ -11,7 +11,7 @@ constexpr float largest_coordinate = 1e9f;
 
 }  // namespace
 
-PhotonMap::PhotonMap(std::vector<transport::SurfacePhoton> photons, float radius)
+PhotonMap::PhotonMap(const std::vector<transport::SurfacePhoton>& photons, float radius)
     : radius_(radius), inverse_cell_(0.5f / radius) {
   const auto count = static_cast<uint32_t>(photons.size());
   slot_mask_ = std::bit_ceil(std::max(count, 1u)) - 1;
@@ -25,7 +25,8 @@ PhotonMap::PhotonMap(std::vector<transport::SurfacePhoton> photons, float radius
 }
 
 PhotonMap::Cell PhotonMap::cell_of(const Vec3f& position) const {
-  const Vec3f scaled = glm::clamp(glm::floor(position * inverse_cell_), -largest_coordinate, largest_coordinate);
+  const Vec3f scaled =
+      glm::clamp(glm::floor(position * inverse_cell_), -largest_coordinate, largest_coordinate);
   return {static_cast<int32_t>(scaled.x), static_cast<int32_t>(scaled.y), static_cast<int32_t>(scaled.z)};
 }
 

@@ -13,7 +13,7 @@ namespace fogbank::integrators {
 class PhotonMap {
  public:
   /// `radius` > 0, scene units.
-  PhotonMap(std::vector<transport::SurfacePhoton> photons, float radius);
+  PhotonMap(const std::vector<transport::SurfacePhoton>& photons, float radius);
 
   float radius() const { return radius_; }
   size_t size() const { return photons_.size(); }

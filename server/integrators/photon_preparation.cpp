@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace fogbank::integrators {
 
@@ -20,16 +21,21 @@ constexpr float pilot_beam_radius = 0.02f;
 constexpr float pilot_surface_radius = 0.04f;
 /// A pixel as dark as this share of the mean still has its noise counted in full.
 constexpr double dark_share = 0.1;
+/// Rays to each side that a ray's typical radiance is the median of.
+constexpr int32_t median_reach = 2;
 /// Optical distance that counts as far as one can see.
 constexpr float optical_distance = 4;
 
 /// Beams that a camera ray crosses and photons that a surface finds in the first pass: where they become
 /// fewer, the time of a pass goes into work that doesn't depend on the radius.
 constexpr double wanted_crossings = 60;
-constexpr double wanted_photons = 12;
+constexpr double wanted_photons = 8;
 /// Limits to the radii of the first pass, as shares of how far the camera sees.
 constexpr float least_radius = 1e-4f;
 constexpr float most_radius = 0.05f;
+/// Most paths for one that leaves beams: photons on surfaces are often the fewer, and tracing them costs less
+/// than gathering beams.
+constexpr double most_paths_without_beams = 4;
 constexpr uint32_t least_paths = 256;
 
 float clamped_radius(double radius, float distance) {
@@ -93,10 +99,12 @@ uint32_t PhotonPreparation::begin_tracing() {
     beam_radius_ = pilot_beam_radius * distance_;
     surface_radius_ = pilot_surface_radius * distance_;
     points_.resize(paths_);
+    beam_stride_ = 1;
   } else {
     const PhotonBeamsIntegrator::Shrinking shrinking = PhotonBeamsIntegrator::shrinking(samples_.first);
     const PhotonPlan& plan = *integrator_.plan();
     paths_ = plan.paths;
+    beam_stride_ = plan.beam_stride;
     beam_radius_ = plan.beam_radius * shrinking.beams;
     surface_radius_ = plan.surface_radius * shrinking.surfaces;
   }
@@ -116,13 +124,18 @@ void PhotonPreparation::trace(uint32_t task, RayCounters& counters) {
     RandomStream random = piloting() ? RandomStream(samples_.seed, path, attempt_, 0, pilot_stream)
                                      : RandomStream(samples_.seed, path, 0, samples_.first, photon_stream);
     const auto count = static_cast<float>(paths_);
-    const float u_box = std::fmin((static_cast<float>(path) + random.next_float()) / count, one_minus_epsilon);
+    const float u_box =
+        std::fmin((static_cast<float>(path) + random.next_float()) / count, one_minus_epsilon);
     const transport::EmissionGuide::Sample sample = guide.sample(u_box, random);
     if (piloting()) points_[path] = sample.point;
     std::optional<transport::EmittedRay> ray = integrator_.emission().sample(sample.point);
     if (!ray) continue;
     ray->flux /= sample.pdf * count;
+    const size_t beams_before = photons.beams.size();
     integrator_.tracer().trace(*ray, path, random, counters, photons);
+    if (path % beam_stride_ != 0) photons.beams.resize(beams_before);
+    for (size_t i = beams_before; i < photons.beams.size(); ++i)
+      photons.beams[i].flux *= static_cast<float>(beam_stride_);
   }
   traced_[task] = std::move(photons);
 }
@@ -139,7 +152,7 @@ uint32_t PhotonPreparation::begin_building() {
   photons_ = photons.size();
   pass_ = std::make_unique<PhotonPass>();
   if (!beams.empty()) pass_->beams.emplace(std::move(beams), beam_radius_);
-  if (!photons.empty()) pass_->photons.emplace(std::move(photons), surface_radius_);
+  if (!photons.empty()) pass_->photons.emplace(photons, surface_radius_);
   round_ = Round::building;
   // A round has a task at least.
   return pass_->beams ? pass_->beams->part_count() : 1;
@@ -165,7 +178,8 @@ void PhotonPreparation::run(uint32_t task, RayCounters& counters) {
 Ray PhotonPreparation::pilot_ray(uint32_t column, uint32_t row, RandomStream& random) const {
   const Vec2i size = camera_.film_size();
   const auto pixel = [](uint32_t number, int32_t pixels) {
-    return static_cast<uint32_t>((2 * uint64_t{number} + 1) * static_cast<uint64_t>(pixels) / (2 * pilot_rays));
+    return static_cast<uint32_t>((2 * uint64_t{number} + 1) * static_cast<uint64_t>(pixels) /
+                                 (2 * pilot_rays));
   };
   return camera_.sample(pixel(column, size.x), pixel(row, size.y), random);
 }
@@ -214,20 +228,40 @@ void PhotonPreparation::look(uint32_t row, RayCounters& counters) {
   }
 }
 
+std::vector<double> PhotonPreparation::typical_radiance() const {
+  std::vector<double> typical;
+  std::vector<float> around;
+  const auto side = static_cast<int32_t>(pilot_rays);
+  for (int32_t y = 0; y < side; ++y) {
+    for (int32_t x = 0; x < side; ++x) {
+      around.clear();
+      for (int32_t row = std::max(y - median_reach, 0); row <= std::min(y + median_reach, side - 1); ++row) {
+        for (int32_t column = std::max(x - median_reach, 0); column <= std::min(x + median_reach, side - 1);
+             ++column)
+          around.push_back(looks_[static_cast<size_t>(row * side + column)].radiance);
+      }
+      const auto middle = around.begin() + static_cast<std::ptrdiff_t>(around.size() / 2);
+      std::nth_element(around.begin(), middle, around.end());
+      typical.push_back(static_cast<double>(*middle));
+    }
+  }
+  const double mean =
+      std::accumulate(typical.begin(), typical.end(), 0.0) / static_cast<double>(typical.size());
+  for (double& value : typical) value += dark_share * mean;
+  return typical;
+}
+
 void PhotonPreparation::learn() {
-  double mean = 0;
-  for (const Look& look : looks_) mean += static_cast<double>(look.radiance) / static_cast<double>(looks_.size());
+  // A ray's own radiance may come from one path alone, which would look no worse the brighter it is.
+  const std::vector<double> typical = typical_radiance();
   std::vector<double> squares(paths_, 0);
-  for (const Look& look : looks_) {
-    const double scale = static_cast<double>(look.radiance) + dark_share * mean;
-    if (!(scale > 0) || !std::isfinite(scale)) continue;
-    // A beam that is nearly parallel to a ray says little about its neighbours: its share is at most 1 anyway.
-    for (const auto& [path, radiance] : look.shares)
-      squares[path] += std::pow(std::min(static_cast<double>(radiance) / scale, 1.0), 2.0);
+  for (size_t i = 0; i < looks_.size(); ++i) {
+    if (!(typical[i] > 0)) continue;
+    for (const auto& [path, radiance] : looks_[i].shares)
+      squares[path] += std::pow(static_cast<double>(radiance) / typical[i], 2.0);
   }
   for (uint32_t path = 0; path < paths_; ++path) {
-    if (squares[path] > 0)
-      trials_.push_back({points_[path], static_cast<float>(std::sqrt(squares[path]))});
+    if (squares[path] > 0) trials_.push_back({points_[path], static_cast<float>(std::sqrt(squares[path]))});
   }
   guide_ = transport::EmissionGuide(trials_);
 }
@@ -246,18 +280,24 @@ PhotonPlan PhotonPreparation::make_plan() const {
   crossings /= std::max(crossing, 1.0);
   photons /= std::max(surfaces, 1.0);
   const Vec2i size = camera_.film_size();
-  const auto wanted = static_cast<double>(std::clamp<int64_t>(int64_t{size.x} * size.y / 4,
-                                                              PhotonBeamsIntegrator::least_beams,
-                                                              PhotonBeamsIntegrator::most_beams));
-  const double left_by_path = static_cast<double>(std::max(beams_, photons_)) / paths_;
+  const auto wanted = static_cast<double>(std::clamp<int64_t>(
+      int64_t{size.x} * size.y / 4, PhotonBeamsIntegrator::least_beams, PhotonBeamsIntegrator::most_beams));
+  const auto paths_for = [&](uint64_t left) {
+    return wanted / std::max(static_cast<double>(left) / paths_, 0.25);
+  };
   PhotonPlan plan;
   plan.guide = guide_;
-  plan.paths = static_cast<uint32_t>(
-      std::clamp(wanted / std::max(left_by_path, 0.25), static_cast<double>(least_paths), wanted));
+  const double for_beams =
+      beams_ > 0 ? std::max(paths_for(beams_), static_cast<double>(least_paths)) : wanted;
+  if (beams_ > 0)
+    plan.beam_stride =
+        static_cast<uint32_t>(std::clamp(paths_for(photons_) / for_beams, 1.0, most_paths_without_beams));
+  plan.paths = static_cast<uint32_t>(for_beams) * plan.beam_stride;
   // Crossings grow with the radius, photons with its square.
   const double more = static_cast<double>(plan.paths) / paths_;
   plan.beam_radius = clamped_radius(
-      static_cast<double>(beam_radius_) * wanted_crossings / (crossings * more), distance_);
+      static_cast<double>(beam_radius_) * wanted_crossings * plan.beam_stride / (crossings * more),
+      distance_);
   plan.surface_radius = clamped_radius(
       static_cast<double>(surface_radius_) * std::sqrt(wanted_photons / (photons * more)), distance_);
   return plan;

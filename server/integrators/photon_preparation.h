@@ -38,6 +38,8 @@ class PhotonPreparation final : public Preparation {
   float typical_distance() const;
   uint32_t begin_tracing();
   uint32_t begin_building();
+  /// Luminance that each ray of the pilot may be expected to have, from its neighbours.
+  std::vector<double> typical_radiance() const;
   /// Of the rays looked at: what each path was worth.
   void learn();
   PhotonPlan make_plan() const;
@@ -51,6 +53,7 @@ class PhotonPreparation final : public Preparation {
   transport::EmissionGuide guide_;
   std::vector<transport::EmissionTrial> trials_;  ///< of all attempts
   uint32_t paths_ = 0;
+  uint32_t beam_stride_ = 1;                      ///< PhotonPlan::beam_stride
   std::vector<transport::Photons> traced_;        ///< by task
   std::vector<transport::EmissionPoint> points_;  ///< by path; of the pilot
   uint64_t beams_ = 0;                            ///< of all paths

@@ -24,7 +24,8 @@ uint32_t samples_of_next_pass(uint32_t samples_done, uint32_t samples_in_all, ui
 uint32_t count_passes(uint32_t samples_in_all, uint32_t pixels_of_a_tile, uint32_t most_samples) {
   uint32_t passes = 0;
   uint32_t done = 0;
-  while (const uint32_t samples = samples_of_next_pass(done, samples_in_all, pixels_of_a_tile, most_samples)) {
+  while (const uint32_t samples =
+             samples_of_next_pass(done, samples_in_all, pixels_of_a_tile, most_samples)) {
     done += samples;
     ++passes;
   }

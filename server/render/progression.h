@@ -62,7 +62,7 @@ class Progression {
 
   RenderSettings settings_;
   uint32_t most_samples_;  ///< of a pass
-  bool prepares_ = true;  ///< finer stages are possible
+  bool prepares_ = true;   ///< finer stages are possible
   uint32_t stages_ = 0;
   double stage_error_ = 0;        ///< of the last stage
   double aim_ = 0;                ///< what the stages come down to

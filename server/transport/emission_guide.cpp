@@ -9,13 +9,13 @@ namespace {
 
 /// Share of the paths that are drawn uniformly: no path's weight is more than 1 / uniform_share times what it
 /// would be without a guide, however wrong the guide.
-constexpr float uniform_share = 0.1f;
+constexpr float uniform_share = 0.2f;
 /// Trials of middling importance that a box is thought to have had in each half besides its own: a half
 /// where few trials found nothing isn't ruled out.
-constexpr double prior_trials = 1;
+constexpr double prior_trials = 4;
 /// A box with fewer trials of any importance, or with less than this share of all importance, stays whole.
-constexpr size_t least_trials = 12;
-constexpr double least_mass = 1.0 / 256;
+constexpr size_t least_trials = 300;
+constexpr double least_mass = 1.0 / 1024;
 /// No side of a box is shorter.
 constexpr float least_side = 0x1p-12f;
 
@@ -95,9 +95,8 @@ void EmissionGuide::split(std::span<EmissionTrial> trials, const Box& box, doubl
 
 EmissionGuide::Sample EmissionGuide::sample(float u_box, RandomStream& random) const {
   const auto above = std::upper_bound(cumulative_.begin(), cumulative_.end(), u_box);
-  const auto index = static_cast<size_t>(
-      std::clamp<std::ptrdiff_t>(above - cumulative_.begin() - 1, 0,
-                                 static_cast<std::ptrdiff_t>(boxes_.size()) - 1));
+  const auto index = static_cast<size_t>(std::clamp<std::ptrdiff_t>(
+      above - cumulative_.begin() - 1, 0, static_cast<std::ptrdiff_t>(boxes_.size()) - 1));
   const Box& box = boxes_[index];
   Sample sample;
   // As drawn, rounding of the cumulative sums included.

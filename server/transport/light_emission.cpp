@@ -34,8 +34,8 @@ struct PlaceOnLight {
     const Vec3f cross = glm::cross(shape.edge_x, shape.edge_y);
     const float area = glm::length(cross);
     return Place{shape.corner + shape.edge_x * u.x + shape.edge_y * u.y, cross / area,
-                 shape.uvs[0] + (shape.uvs[1] - shape.uvs[0]) * u.x + (shape.uvs[2] - shape.uvs[0]) * u.y, area,
-                 shape.radiance};
+                 shape.uvs[0] + (shape.uvs[1] - shape.uvs[0]) * u.x + (shape.uvs[2] - shape.uvs[0]) * u.y,
+                 area, shape.radiance};
   }
   std::optional<Place> operator()(const TriangleShape& shape) const {
     const Vec2f b = square_to_uniform_triangle(u);
@@ -56,7 +56,8 @@ struct PlaceOnLight {
   }
   std::optional<Place> operator()(const DiskShape& shape) const {
     const Vec2f p = square_to_disk_concentric(u);
-    return Place{shape.center + shape.axis_x * p.x + shape.axis_y * p.y, shape.normal,
+    return Place{shape.center + shape.axis_x * p.x + shape.axis_y * p.y,
+                 shape.normal,
                  {glm::length(p), turn(p.y, p.x)},
                  pi * glm::length(glm::cross(shape.axis_x, shape.axis_y)),
                  shape.radiance};
@@ -115,8 +116,8 @@ LightEmission::LightEmission(const World& world) : world_(world) {
     std::optional<int32_t> medium;
     bool agree = true;
     for (int place = 0; place < places_a_side * places_a_side && agree; ++place) {
-      const Vec2f u((static_cast<float>(place % places_a_side) + 0.5f) / places_a_side,
-                    (static_cast<float>(place / places_a_side) + 0.5f) / places_a_side);
+      const Vec2f u = (Vec2f(Vec2i(place % places_a_side, place / places_a_side)) + 0.5f) /
+                      static_cast<float>(places_a_side);
       // The directions differ as well: through them light from infinity comes from all sides.
       const std::optional<EmittedRay> ray = sample_light(i, u, {u.y, u.x});
       if (!ray) continue;

@@ -17,12 +17,12 @@ using EmissionPoint = std::array<float, emission_dimensions>;
 struct EmittedRay {
   Vec3f origin{0};
   Vec3f direction{0, 0, 1};
-  Spectrum flux{0};             ///< W: emitted power over the density of the ray
+  Spectrum flux{0};              ///< W: emitted power over the density of the ray
   int32_t medium = scene::none;  ///< that holds the origin
 };
 
-/// Rays from lights that are chosen half by power, half evenly, then by area and cosine or by direction. Light from
-/// infinity enters through a disk around the scene's bounding sphere. Immutable.
+/// Rays from lights that are chosen half by power, half evenly, then by area and cosine or by direction.
+/// Light from infinity enters through a disk around the scene's bounding sphere. Immutable.
 class LightEmission {
  public:
   /// Needs `scene::prepare_render_thread`. `world` must outlive it.
@@ -42,7 +42,7 @@ class LightEmission {
 
   const World& world_;
   Vec3f center_{0};
-  float radius_ = 0;  ///< of a sphere around all surfaces; 0: there are none
+  float radius_ = 0;               ///< of a sphere around all surfaces; 0: there are none
   std::vector<float> cumulative_;  ///< probability of lights, from 0; one more than there are
   /// The medium around each light, where all places that were tried agree.
   std::vector<std::optional<int32_t>> medium_of_light_;

@@ -41,8 +41,8 @@ std::string plate(const std::string& bsdf) {
 }
 const std::string diffuse_plate = plate(
     R"(<bsdf type="twosided"><bsdf type="diffuse"><rgb name="reflectance" value="0.2, 0.5, 0.8"/></bsdf></bsdf>)");
-const std::string rough_plate =
-    plate(R"(<bsdf type="twosided"><bsdf type="roughconductor"><float name="alpha" value="0.2"/></bsdf></bsdf>)");
+const std::string rough_plate = plate(
+    R"(<bsdf type="twosided"><bsdf type="roughconductor"><float name="alpha" value="0.2"/></bsdf></bsdf>)");
 
 /// A light below the ceiling, at whose penumbra's edge the plate lies.
 const std::string area_light = R"(
@@ -138,8 +138,7 @@ TEST_P(PhotonBeamsScenes, ConvergeToPathTracing) {
   settings.max_depth = GetParam().max_depth;
   settings.hide_emitters = GetParam().hide_emitters;
   const auto reference = make_integrator("volpath", world, settings);
-  const Quarters expected =
-      take(*reference, camera, 0, GetParam().path_samples, [](uint32_t) {});
+  const Quarters expected = take(*reference, camera, 0, GetParam().path_samples, [](uint32_t) {});
 
   PhotonBeamsIntegrator integrator(world, settings);
   const auto prepare = [&](uint32_t sample) { prepare_sample(integrator, camera, sample, 2); };
@@ -174,12 +173,14 @@ INSTANTIATE_TEST_SUITE_P(
         SmallScene{"spot", fog("0.2", "0.8") + walls + spot_light},
         SmallScene{"forward", fog("0.4", "0.8", "hg") + walls + area_light},
         SmallScene{"rough", fog("0.3", "0.8") + walls + area_light + rough_plate},
-        SmallScene{"directional", ball_of_fog(R"(<emitter type="directional"><vector name="direction" value="1, 1, -1"/>
+        SmallScene{"directional",
+                   ball_of_fog(R"(<emitter type="directional"><vector name="direction" value="1, 1, -1"/>
           <rgb name="irradiance" value="3"/></emitter>)")},
         SmallScene{"environment", ball_of_fog(R"(<emitter type="constant"/>)")},
         // Light that glass focuses: path tracing finds it by chance only, hence the samples.
-        SmallScene{"caustic", fog("0.3", "0.8") + walls + area_light +
-                                  R"(<shape type="sphere"><point name="center" x="0" y="0" z="0.4"/>
+        SmallScene{"caustic",
+                   fog("0.3", "0.8") + walls + area_light +
+                       R"(<shape type="sphere"><point name="center" x="0" y="0" z="0.4"/>
            <float name="radius" value="0.35"/><bsdf type="dielectric"/></shape>)",
                    -1, 2048}),
     [](const testing::TestParamInfo<SmallScene>& scene) { return scene.param.name; });
@@ -200,9 +201,8 @@ TEST(PhotonBeams, WhiteFurnaceIsWhite) {
     <emitter type="constant"/>)");
   const TestCamera camera(world->scene().sensor, 8, 8);
   PhotonBeamsIntegrator integrator(world, {});
-  const Quarters found = take(integrator, camera, 500, 64, [&](uint32_t sample) {
-    prepare_sample(integrator, camera, sample, 2);
-  });
+  const Quarters found = take(integrator, camera, 500, 64,
+                              [&](uint32_t sample) { prepare_sample(integrator, camera, sample, 2); });
   for (size_t i = 0; i < 4; ++i) {
     EXPECT_LT(std::sqrt(found.variance[i]), 0.03);
     EXPECT_NEAR(found.mean[i], 1, 4 * std::sqrt(found.variance[i])) << "quarter " << i;
@@ -242,11 +242,13 @@ TEST(PhotonBeams, OneBeamScattersOnceAsTheClosedFormSays) {
   const transport::MediumInfo& medium = world->medium(0);
   const double g = 0.6;
   const double cosine = -std::cos(angle);  // light turns from the beam's direction to the camera's side
-  const double phase = (1 - g * g) / (4 * static_cast<double>(pi) * std::pow(1 + g * g - 2 * g * cosine, 1.5));
+  const double phase =
+      (1 - g * g) / (4 * static_cast<double>(pi) * std::pow(1 + g * g - 2 * g * cosine, 1.5));
   for (int channel = 0; channel < 3; ++channel) {
     const auto sigma_t = static_cast<double>(medium.sigma_t[channel]);
     // The beam stands for the share that got to 1.5 over the share of beams that are that long.
-    const double along = std::exp(-(sigma_t - static_cast<double>(transport::PhotonTracer::end_rate(medium))) * 1.5);
+    const double along =
+        std::exp(-(sigma_t - static_cast<double>(transport::PhotonTracer::end_rate(medium))) * 1.5);
     const double expected = static_cast<double>(beam.flux[channel]) * along * std::exp(-2 * sigma_t) *
                             static_cast<double>(medium.sigma_s[channel]) * phase / std::sin(angle);
     // Midpoint rule over a kernel with kinks at its ends: some 1e-5; floats.
@@ -256,7 +258,9 @@ TEST(PhotonBeams, OneBeamScattersOnceAsTheClosedFormSays) {
 
 TEST(PhotonBeams, TheGridFindsWhatASearchOfAllBeamsFinds) {
   RandomStream random(3, 0, 0, 0);
-  const auto point = [&] { return Vec3f(random.next_float(), random.next_float(), random.next_float()) * 4.0f - 2.0f; };
+  const auto point = [&] {
+    return Vec3f(random.next_float(), random.next_float(), random.next_float()) * 4.0f - 2.0f;
+  };
   std::vector<PhotonBeam> beams;
   for (uint32_t i = 0; i < 500; ++i) {
     const Vec3f from = point();
@@ -319,7 +323,8 @@ TEST(PhotonBeams, SameBitsForAnyThreadsAndWhateverCameBefore) {
       RandomStream random(1, pixel % 12, pixel / 12, 2);
       const Ray ray = camera.sample(pixel % 12, pixel / 12, random);
       const Spectrum radiance = integrator.sample(ray, random, counters).sampled;
-      for (int channel = 0; channel < 3; ++channel) bits.push_back(std::bit_cast<uint32_t>(radiance[channel]));
+      for (int channel = 0; channel < 3; ++channel)
+        bits.push_back(std::bit_cast<uint32_t>(radiance[channel]));
     }
     if (!first) first = bits;
     EXPECT_EQ(bits, *first) << threads;

@@ -4,7 +4,6 @@
 #include <atomic>
 #include <optional>
 
-
 #include "render/render_to_image.h"
 #include "transport/world_builders.h"
 
