@@ -32,15 +32,18 @@ constexpr double wanted_crossings = 60;
 constexpr double wanted_photons = 8;
 /// Limits to the radii of the first pass, as shares of how far the camera sees.
 constexpr float least_radius = 1e-4f;
-constexpr float most_radius = 0.05f;
+constexpr float most_beam_radius = 0.05f;
+/// Around corners and edges photons miss: a large radius darkens what is small.
+constexpr float wanted_surface_radius = 0.02f;
+constexpr float most_surface_radius = 0.04f;
 /// Most paths for one that leaves beams: photons on surfaces are often the fewer, and tracing them costs less
 /// than gathering beams.
 constexpr double most_paths_without_beams = 4;
 constexpr uint32_t least_paths = 256;
 
-float clamped_radius(double radius, float distance) {
-  if (!std::isfinite(radius)) return most_radius * distance;
-  return std::clamp(static_cast<float>(radius), least_radius * distance, most_radius * distance);
+float clamped_radius(double radius, float distance, float most) {
+  if (!std::isfinite(radius)) return most * distance;
+  return std::clamp(static_cast<float>(radius), least_radius * distance, most * distance);
 }
 
 }  // namespace
@@ -282,24 +285,25 @@ PhotonPlan PhotonPreparation::make_plan() const {
   const Vec2i size = camera_.film_size();
   const auto wanted = static_cast<double>(std::clamp<int64_t>(
       int64_t{size.x} * size.y / 4, PhotonBeamsIntegrator::least_beams, PhotonBeamsIntegrator::most_beams));
-  const auto paths_for = [&](uint64_t left) {
-    return wanted / std::max(static_cast<double>(left) / paths_, 0.25);
-  };
   PhotonPlan plan;
   plan.guide = guide_;
-  const double for_beams =
-      beams_ > 0 ? std::max(paths_for(beams_), static_cast<double>(least_paths)) : wanted;
-  if (beams_ > 0)
-    plan.beam_stride =
-        static_cast<uint32_t>(std::clamp(paths_for(photons_) / for_beams, 1.0, most_paths_without_beams));
-  plan.paths = static_cast<uint32_t>(for_beams) * plan.beam_stride;
   // Crossings grow with the radius, photons with its square.
+  double paths = wanted;
+  if (beams_ > 0) {
+    const double beams_of_path = std::max(static_cast<double>(beams_) / paths_, 0.25);
+    paths = std::max(wanted / beams_of_path, static_cast<double>(least_paths));
+    const double found =
+        photons * paths / paths_ * std::pow(wanted_surface_radius / pilot_surface_radius, 2.0);
+    if (photons_ > 0)
+      plan.beam_stride =
+          static_cast<uint32_t>(std::clamp(wanted_photons / found, 1.0, most_paths_without_beams));
+  }
+  plan.paths = static_cast<uint32_t>(paths) * plan.beam_stride;
   const double more = static_cast<double>(plan.paths) / paths_;
-  plan.beam_radius = clamped_radius(
-      static_cast<double>(beam_radius_) * wanted_crossings * plan.beam_stride / (crossings * more),
-      distance_);
-  plan.surface_radius = clamped_radius(
-      static_cast<double>(surface_radius_) * std::sqrt(wanted_photons / (photons * more)), distance_);
+  plan.beam_radius = clamped_radius(beam_radius_ * wanted_crossings * plan.beam_stride / (crossings * more),
+                                    distance_, most_beam_radius);
+  plan.surface_radius = clamped_radius(surface_radius_ * std::sqrt(wanted_photons / (photons * more)),
+                                       distance_, most_surface_radius);
   return plan;
 }
 
