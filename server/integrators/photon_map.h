@@ -9,7 +9,7 @@
 
 namespace fogbank::integrators {
 
-/// Memory: 60 bytes a photon while it is built, 56 to 64 then.
+/// Memory: 60 to 68 bytes a photon.
 class PhotonMap {
  public:
   /// `radius` > 0, scene units.
