@@ -23,7 +23,6 @@ transport::PathSettings path_settings(const IntegratorSettings& settings) {
 PhotonBeamsIntegrator::PhotonBeamsIntegrator(std::shared_ptr<const transport::World> world,
                                              const IntegratorSettings& settings)
     : world_(std::move(world)),
-      emission_(*world_),
       tracer_(world_, path_settings(settings)),
       gather_(world_, path_settings(settings)) {}
 
@@ -43,6 +42,7 @@ PixelSample PhotonBeamsIntegrator::sample(const Ray& ray, RandomStream& random, 
 
 std::unique_ptr<Preparation> PhotonBeamsIntegrator::prepare_pass(const CameraRays& camera,
                                                                  const PassSamples& samples) {
+  if (!emission_) emission_.emplace(*world_);
   return std::make_unique<PhotonPreparation>(*this, camera, samples);
 }
 

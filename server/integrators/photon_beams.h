@@ -43,7 +43,8 @@ class PhotonBeamsIntegrator final : public Integrator {
   uint32_t most_samples_of_pass() const override { return 1; }
   std::unique_ptr<Preparation> prepare_pass(const CameraRays& camera, const PassSamples& samples) override;
 
-  const transport::LightEmission& emission() const { return emission_; }
+  /// Made by the first `prepare_pass`.
+  const transport::LightEmission& emission() const { return *emission_; }
   const transport::PhotonTracer& tracer() const { return tracer_; }
   const PhotonGather& gather() const { return gather_; }
   const std::optional<PhotonPlan>& plan() const { return plan_; }
@@ -60,7 +61,7 @@ class PhotonBeamsIntegrator final : public Integrator {
 
  private:
   std::shared_ptr<const transport::World> world_;
-  transport::LightEmission emission_;
+  std::optional<transport::LightEmission> emission_;
   transport::PhotonTracer tracer_;
   PhotonGather gather_;
   std::optional<PhotonPlan> plan_;

@@ -16,6 +16,8 @@ constexpr double even_share = 0.5;
 constexpr float margin = 1.001f;
 /// Places of a light that are asked for their medium, a side.
 constexpr int places_a_side = 3;
+/// Of more lights each ray asks for itself: asking all of them would take longer than a pass.
+constexpr uint32_t most_lights_asked = 1024;
 
 /// Place on a light and the normal that it emits around.
 struct Place {
@@ -112,7 +114,7 @@ LightEmission::LightEmission(const World& world) : world_(world) {
     if (power > 0) sum += even_share / shining + (1 - even_share) * power / total;
     cumulative_.push_back(static_cast<float>(sum));
   }
-  for (uint32_t i = 0; i < count; ++i) {
+  for (uint32_t i = 0; i < count && count <= most_lights_asked; ++i) {
     std::optional<int32_t> medium;
     bool agree = true;
     for (int place = 0; place < places_a_side * places_a_side && agree; ++place) {

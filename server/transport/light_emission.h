@@ -44,7 +44,7 @@ class LightEmission {
   Vec3f center_{0};
   float radius_ = 0;               ///< of a sphere around all surfaces; 0: there are none
   std::vector<float> cumulative_;  ///< probability of lights, from 0; one more than there are
-  /// The medium around each light, where all places that were tried agree.
+  /// The medium around each light, where all places that were tried agree; empty where lights are many.
   std::vector<std::optional<int32_t>> medium_of_light_;
 };
 
