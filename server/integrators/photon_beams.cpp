@@ -9,9 +9,9 @@ namespace fogbank::integrators {
 namespace {
 
 /// How fast noise may grow from pass to pass: the share of noise that averaging takes away and that goes into
-/// a smaller radius. 2/3 makes squared bias on surfaces fall as fast as variance (Knaus and Zwicker 2011,
-/// section 5.1). For beams it would be 4/5, but at the edges of shafts, where bias falls with the radius and
-/// not with its square, 1/2; 2/3 lies between them.
+/// a smaller radius. 2/3 makes squared bias on surfaces fall as fast as variance (radius ~ n^((alpha - 1) /
+/// 2): bias^2 ~ n^(2 alpha - 2), variance ~ n^-alpha). For beams it would be 4/5, but at the edges of shafts,
+/// where bias falls with the radius and not with its square, 1/2; 2/3 lies between them.
 constexpr double alpha = 2.0 / 3;
 
 transport::PathSettings path_settings(const IntegratorSettings& settings) {
@@ -27,7 +27,7 @@ PhotonBeamsIntegrator::PhotonBeamsIntegrator(std::shared_ptr<const transport::Wo
       gather_(world_, path_settings(settings)) {}
 
 PhotonBeamsIntegrator::Shrinking PhotonBeamsIntegrator::shrinking(uint32_t sample) {
-  // Knaus and Zwicker 2011, eq. 20, and Jarosz et al. 2011, "Progressive Photon Beams", eq. 9: what a kernel
+  // Knaus and Zwicker 2011; Jarosz et al. 2011, "Progressive Photon Beams", for beams: what a kernel
   // covers, length or area, shrinks by (i + alpha) / (i + 1).
   double covered = 1;
   for (uint32_t i = 1; i <= sample; ++i) covered *= (i + alpha) / (i + 1.0);

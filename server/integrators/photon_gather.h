@@ -46,7 +46,7 @@ class PhotonGather {
   struct Walk;
 
   /// Beam x beam estimate with a kernel across both (Jarosz et al. 2011, "A Comprehensive Theory of
-  /// Volumetric Radiance Estimation Using Photon Points and Beams", section 5.3.1), of light that the medium
+  /// Volumetric Radiance Estimation Using Photon Points and Beams"), of light that the medium
   /// scatters between the ray's origin and its end.
   Spectrum from_beams(const Walk& walk, float length, const PhotonPass& pass, PhotonObserver* observer) const;
   /// Photon density estimate (Jensen 1996) of light that was scattered before.

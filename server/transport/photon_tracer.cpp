@@ -78,7 +78,7 @@ bool PhotonTracer::scatter_at_surface(Photon& photon, const scene::SurfaceIntera
     const Vec3f direction = glm::normalize(point.frame.to_world(sample->wi));
     const float before = max_component(photon.flux);
     if (sample->delta) {
-      // Power, unlike radiance, doesn't scale by 1 / eta^2. Shading normals: Veach 1997, eq. 5.17.
+      // Power, unlike radiance, doesn't scale by 1 / eta^2. Shading normals: Veach 1997, section 5.3.
       const float in = std::fabs(glm::dot(photon.ray.direction, surface.geometric_normal) * sample->wi.z);
       const float out = std::fabs(glm::dot(direction, surface.geometric_normal) * wi.z);
       photon.flux *= sample->weight * (sqr(sample->eta) * out / in);

@@ -1,5 +1,5 @@
 // Paths of photons: power that leaves the emitters, followed through surfaces and media by the adjoint of
-// what PathTracer does (Veach 1997, sections 4.7 and 5.3).
+// what PathTracer does (Veach 1997, chapters 4 and 5).
 #pragma once
 
 #include <vector>
