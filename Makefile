@@ -9,10 +9,10 @@ python := .venv/bin/python
 export FOGBANK_SERVER_BINARY := $(CURDIR)/$(build_folder)/bin/fogbankd
 
 .DEFAULT_GOAL := help
-.PHONY: help setup stubs build demo test install bench stability soak format lint lock clean
+.PHONY: help setup stubs build demo test test-faults install bench stability soak format lint lock clean
 
 help: ## this list
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{ printf "make %-9s %s\n", $$1, $$2 }'
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{ printf "make %-9s %s\n", $$1, $$2 }'
 
 setup: ## Debian packages and .venv, where anything is missing
 	@deploy/setup.sh
@@ -30,6 +30,9 @@ demo: build ## render scenes/shafts through a local server into out/shafts.exr a
 
 test: build ## build, then every test: C++ units, Python (clients, service, oracle), lint
 	@PRESET=$(PRESET) JOBS=$(JOBS) tests/run.sh
+
+test-faults: build ## fault tests at full length: a table of test, figure, bound, verdict
+	@FOGBANK_KILLS=50 $(python) -m pytest tests/faults
 
 install: build ## link the fogbank command into PREFIX/bin (default /usr/local)
 	@mkdir -p $(DESTDIR)$(PREFIX)/bin

@@ -75,7 +75,7 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--port-file", port_file, "Written when the server is ready: what clients connect to");
   app.add_flag("--exit-with-stdin", exit_with_stdin,
-               "Ends when standard input is closed: with the parent process");
+               "Ends when standard input is closed: with the parent process, and its jobs with it");
   app.add_flag("--insecure-any-address", options.insecure_any_address,
                "Allows to listen on addresses that others can reach; there is no authentication");
   app.add_option("--log-level", log_level, "debug, info, warning, error, off")
@@ -85,6 +85,7 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
 
   options.data = data;
+  options.jobs_outlive_server = !exit_with_stdin;
   if (!scene_root.empty()) options.scene_root = scene_root;
   options.memory_bytes = static_cast<int64_t>(memory_gib * (1 << 30));
   options.cache_bytes = static_cast<int64_t>(cache_gib * (1 << 30));

@@ -51,6 +51,12 @@ bool PassFilms::add(const TileTask& task, TileFilmPointer film, TileFilmPointer&
   return true;
 }
 
+void PassFilms::resume(uint32_t passes, uint32_t samples, const std::vector<TileFilmPointer>& films) {
+  for (size_t index = 0; index < films.size(); ++index) tiles_[index].current = films[index];
+  passes_done_ = passes;
+  samples_done_ = samples;
+}
+
 void PassFilms::drop_unfinished_pass() {
   for (Tile& tile : tiles_) {
     if (tile.current && tile.current->passes > passes_done_) tile.current = tile.finished;

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "integrators/integrator.h"
+#include "render/checkpoint.h"
 #include "render/image.h"
 #include "render/progress.h"
 #include "render/render_settings.h"
@@ -57,6 +58,13 @@ class RenderJob {
   /// Throws Error(invalid_argument, "NO_SUCH_TILE").
   TilePixels tile(uint32_t index) const;
   Image image() const;
+  /// As after the last finished pass, for `resume`; none before the first one, and none where the film has a
+  /// cached layer, as the records of its epoch are not the job's. Waits for nothing.
+  std::optional<Checkpoint> checkpoint() const;
+  /// Goes on from there, to the same image as without the interruption; before any task was taken. The
+  /// checkpoint must be of a job with this scene and these settings, else Error(data_loss,
+  /// "CHECKPOINT_DAMAGED") where that shows, and the job is as before.
+  void resume(const Checkpoint& checkpoint);
   /// The job after each pass, oldest first; thinned out evenly where there were more than 256 of them.
   std::vector<HistoryEntry> history() const;
 

@@ -23,6 +23,9 @@ namespace {
 
 std::string hash_of(const v1::CreateJobRequest& request) { return sha256(canonical_bytes(request)); }
 
+/// More than a job publishes in one life of the server.
+uint64_t first_revision(int32_t restarts) { return static_cast<uint64_t>(restarts) << 32; }
+
 }  // namespace
 
 bool has_ended(v1::JobState state) {
@@ -30,16 +33,14 @@ bool has_ended(v1::JobState state) {
          state == v1::JOB_STATE_CANCELLED;
 }
 
-Job::Job(const std::string& id, const v1::CreateJobRequest& request, JobSettings settings,
-         std::filesystem::path folder, JobServices& services)
+Job::Job(const std::string& id, const v1::CreateJobRequest& request, const v1::RenderSettings& settings,
+         JobServices& services)
     : id_(id),
-      request_id_(request.request_id()),
+      request_(request),
       request_hash_(hash_of(request)),
       scene_id_(parse_scene_name(request.scene())),
-      folder_(std::move(folder)),
       services_(services),
-      settings_(std::move(settings.effective)),
-      engine_settings_(std::move(settings.engine)),
+      settings_(settings),
       board_(tile_count(settings_), seconds(settings_.update_interval_seconds())) {
   base_.set_name(job_name(id));
   base_.set_scene(request.scene());
@@ -48,46 +49,43 @@ Job::Job(const std::string& id, const v1::CreateJobRequest& request, JobSettings
   *base_.mutable_create_time() = timestamp_now();
   base_.mutable_progress()->set_tiles_total(static_cast<int32_t>(tile_count(settings_)));
   base_.set_request_id(request.request_id());
+  base_.set_priority(request.priority() == v1::JOB_PRIORITY_UNSPECIFIED ? v1::JOB_PRIORITY_NORMAL
+                                                                        : request.priority());
 }
 
-Job::Job(Restored, const v1::CreateJobRequest& request, v1::Job description, std::filesystem::path folder,
-         JobServices& services)
-    : id_(parse_job_name(description.name())),
-      request_id_(request.request_id()),
-      request_hash_(hash_of(request)),
-      scene_id_(parse_scene_name(description.scene())),
-      folder_(std::move(folder)),
+Job::Job(StoredJob stored, JobServices& services)
+    : id_(parse_job_name(stored.description.name())),
+      request_(std::move(stored.request)),
+      request_hash_(hash_of(request_)),
+      scene_id_(parse_scene_name(stored.description.scene())),
       services_(services),
-      settings_(description.settings()),
-      base_(std::move(description)),
-      board_(TileBoard::published(tile_count(settings_), base_.revision())) {}
-
-std::shared_ptr<Job> Job::restore(std::filesystem::path folder, JobServices& services) {
-  v1::CreateJobRequest request;
-  v1::Job description;
-  read_message(folder / "request.json", request);
-  read_message(folder / "job.json", description);
-  if (!has_ended(description.state())) {
-    description.set_state(v1::JOB_STATE_FAILED);
-    *description.mutable_end_time() = timestamp_now();
-    *description.mutable_error() = to_status_message(
-        {StatusCode::ABORTED, "SERVER_RESTARTED", "the server was stopped before the job had ended"});
-    write_message(folder / "job.json", description);
+      settings_(stored.description.settings()),
+      base_(std::move(stored.description)),
+      board_(has_ended(base_.state())
+                 ? TileBoard::published(tile_count(settings_), base_.revision())
+                 : TileBoard(tile_count(settings_), seconds(settings_.update_interval_seconds()),
+                             first_revision(base_.restarts() + 1))) {
+  if (has_ended(base_.state())) return;
+  base_.set_restarts(base_.restarts() + 1);
+  base_.clear_start_time();
+  paused_ = base_.state() == v1::JOB_STATE_PAUSED;
+  if (!paused_) base_.set_state(v1::JOB_STATE_QUEUED);
+  if (base_.has_error()) {
+    // It was being cancelled.
+    base_.set_state(v1::JOB_STATE_CANCELLED);
+    *base_.mutable_end_time() = timestamp_now();
+    board_.advance();
   }
-  return std::shared_ptr<Job>(
-      new Job(Restored{}, request, std::move(description), std::move(folder), services));
 }
 
 int64_t Job::film_bytes() const {
-  // Two half buffers, twice while one pass follows another (render/render_job.h).
-  return int64_t{96} * settings_.crop().width() * settings_.crop().height();
+  // Two half buffers of each layer, twice while one pass follows another (render/film.h); and once more for
+  // a checkpoint that is being written.
+  const int64_t pixel_bytes = uses_cache() ? 192 : 96 + 48;
+  return pixel_bytes * settings_.crop().width() * settings_.crop().height();
 }
 
-void Job::save(const v1::CreateJobRequest& request) {
-  std::filesystem::create_directories(folder_);
-  write_message(folder_ / "request.json", request);
-  write_message(folder_ / "job.json", describe());
-}
+StoredJob Job::stored() const { return {.request = request_, .description = describe()}; }
 
 bool Job::uses_cache() const { return service::uses_cache(settings_.integrator()); }
 
@@ -95,50 +93,38 @@ std::optional<uint64_t> Job::epoch() const {
   return settings_.has_epoch() ? std::optional<uint64_t>(settings_.epoch()) : std::nullopt;
 }
 
-void Job::start(std::shared_ptr<const transport::World> world, std::shared_ptr<cache::SceneCache> cache,
+void Job::start(std::shared_ptr<const transport::World> world, render::RenderSettings engine,
                 double load_seconds) {
-  std::string fingerprint = world->scene().fingerprint;
+  scene_fingerprint_ = world->scene().fingerprint;
   std::string used_cache;
-  if (cache) used_cache = cache_name(cache::record_field(world->scene(), max_depth()).transport);
+  if (engine.integrator_settings.cache)
+    used_cache = cache_name(cache::record_field(world->scene(), max_depth()).transport);
   std::shared_ptr<render::RenderJob> render_job;
   try {
-    engine_settings_.integrator_settings.cache = std::move(cache);
-    render_job = std::make_shared<render::RenderJob>(std::move(world), engine_settings_);
+    render_job = std::make_shared<render::RenderJob>(std::move(world), engine);
+    resume_from_checkpoint(*render_job);
   } catch (...) {
     fail(to_rpc_error(std::current_exception()));
     return;
   }
   const std::lock_guard lock(mutex_);
-  if (stop_ || has_ended(base_.state())) return;
+  if (stop_ || suspended_ || has_ended(base_.state())) return;
+  engine_settings_ = std::move(engine);
   render_job_ = std::move(render_job);
-  scene_fingerprint_ = std::move(fingerprint);
   cache_name_ = std::move(used_cache);
   load_seconds_ += load_seconds;
   // Held for as long as tiles may be wanted; the film itself is shared with it.
   kept_tile_source_ = film_tiles(render_job_);
   tile_source_ = kept_tile_source_;
-}
-
-void Job::fail(const RpcError& error) {
-  const std::lock_guard lock(mutex_);
-  if (has_ended(base_.state()) || finishing_) return;
-  if (!failure_) failure_ = error;
-  stop_ = true;
-  if (render_job_) render_job_->cancel();
-  finish_if_idle();
-}
-
-void Job::cancel(const RpcError& why) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (!failure_ && !finishing_) failure_is_cancel_ = true;
-  }
-  fail(why);
+  checkpoint_passes_ = render_job_->progress().passes_done;
+  if (checkpoint_passes_ == 0) return;
+  const Clock::time_point now = Clock::now();
+  for (uint32_t tile = 0; tile < render_job_->tile_count(); ++tile) board_.complete(tile, now);
 }
 
 std::function<void()> Job::take() {
   const std::lock_guard lock(mutex_);
-  if (!render_job_ || stop_ || finishing_) return {};
+  if (!render_job_ || stop_ || paused_ || suspended_ || finishing_) return {};
   const std::optional<render::Task> task = render_job_->next_task();
   if (!task) {
     finish_if_idle();
@@ -157,7 +143,7 @@ void Job::run(const render::Task& task) {
   const double cpu_before = thread_cpu_seconds();
   bool pass_completed = false;
   try {
-    pass_completed = render_job_->run(task, stop_);
+    pass_completed = render_job_->run(task, interrupt_);
   } catch (...) {
     fail(to_rpc_error(std::current_exception()));
   }
@@ -166,32 +152,51 @@ void Job::run(const render::Task& task) {
     const std::lock_guard lock(mutex_);
     --running_tasks_;
     render_cpu_seconds_ += cpu;
-    if (!stop_) {
-      const Clock::time_point now = Clock::now();
-      ray_rate_.record(render_job_->progress().rays, now);
-      ++tasks_completed_;
-      if (const auto* const tile = std::get_if<render::TileTask>(&task)) {
-        board_.complete(tile->tile, now);
-        if (pass_completed) {
-          unfinished_pass_.clear();
-        } else {
-          unfinished_pass_.push_back(tile->tile);
-        }
-      }
-    }
+    if (!stop_) account(task, pass_completed);
     finish_if_idle();
   }
   services_.changed();
 }
 
+void Job::account(const render::Task& task, bool pass_completed) {
+  const Clock::time_point now = Clock::now();
+  ray_rate_.record(render_job_->progress().rays, now);
+  ++tasks_completed_;
+  const auto* const tile = std::get_if<render::TileTask>(&task);
+  if (tile == nullptr) return;
+  services_.tiles += 1;
+  if (!pass_completed) {
+    // What an interruption came into may or may not have been done; its tile is told of with the pass.
+    if (interrupt_) {
+      doubtful_tiles_.push_back(tile->tile);
+    } else {
+      board_.complete(tile->tile, now);
+      unfinished_pass_.push_back(tile->tile);
+    }
+    return;
+  }
+  board_.complete(tile->tile, now);
+  for (const uint32_t doubtful : doubtful_tiles_) board_.complete(doubtful, now);
+  doubtful_tiles_.clear();
+  unfinished_pass_.clear();
+  checkpoint_if_due();
+}
+
 void Job::finish_if_idle() {
   if (finishing_ || running_tasks_ > 0) return;
-  if (!stop_ && !(render_job_ && render_job_->ended())) return;
+  const bool ended = stop_ || (render_job_ && render_job_->ended());
+  if (!ended && !suspended_) return;
   finishing_ = true;
+  if (!ended) {
+    services_.writer.post([self = shared_from_this()] { self->finish_suspension(); });
+    return;
+  }
   const Clock::time_point now = Clock::now();
   // A job that ran out of time in the middle of a pass goes back to the pass before, in the tiles of that
   // pass.
-  for (const uint32_t tile : unfinished_pass_) board_.complete(tile, now);
+  for (const auto* const tiles : {&unfinished_pass_, &doubtful_tiles_}) {
+    for (const uint32_t tile : *tiles) board_.complete(tile, now);
+  }
   board_.publish_all(now);
   // The server closes the writer only after all jobs have ended, so the task is always taken.
   services_.writer.post([self = shared_from_this()] { self->finish(); });
@@ -218,6 +223,7 @@ void Job::finish() {
   }
   description.mutable_progress()->clear_eta_seconds();
   description.mutable_progress()->set_rays_per_second(0);
+  description.clear_error();
   if (failure) {
     description.set_state(cancelled ? v1::JOB_STATE_CANCELLED : v1::JOB_STATE_FAILED);
     *description.mutable_error() = to_status_message(*failure);
@@ -263,10 +269,13 @@ void Job::store_image(v1::Job& description) {
 }
 
 void Job::end(v1::Job description) {
+  std::unique_lock one_at_a_time(store_mutex_);
   // Durable before anybody hears of it. Should the disk refuse, the end itself is still told to those who
-  // watch.
+  // watch, and the next life of the server comes to it again.
   try {
-    write_message(folder_ / "job.json", description);
+    services_.store.put({{.request = request_, .description = description}});
+    std::error_code ignored;
+    std::filesystem::remove(checkpoint_path(), ignored);
   } catch (const std::exception& error) {
     spdlog::error("{}: {}", description.name(), error.what());
   }
@@ -282,6 +291,7 @@ void Job::end(v1::Job description) {
     engine_settings_.reference = nullptr;
     if (watchers_ == 0) released_source = std::move(kept_tile_source_);
   }
+  one_at_a_time.unlock();
   services_.ended(shared_from_this());
   services_.changed();
 }
@@ -307,13 +317,15 @@ v1::Job Job::describe_locked() const {
   v1::Job description = base_;
   description.set_revision(board_.revision());
   if (render_job_) *description.mutable_progress() = describe_progress();
+  description.mutable_progress()->set_paused(paused_ && !has_ended(base_.state()));
   return description;
 }
 
 v1::Progress Job::describe_progress() const {
   v1::Progress message = to_message(render_job_->progress(), render_job_->history(), engine_settings_);
   message.set_tiles_total(static_cast<int32_t>(render_job_->tile_count()));
-  message.set_rays_per_second(ray_rate_.rate());
+  message.set_rays_per_second(paused_ ? 0 : ray_rate_.rate());
+  message.set_paused(paused_);
   return message;
 }
 

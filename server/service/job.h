@@ -13,6 +13,7 @@
 
 #include "fogbank/v1/render.pb.h"
 #include "service/job_settings.h"
+#include "service/job_store.h"
 #include "service/rate_meter.h"
 #include "service/rpc_error.h"
 #include "service/scheduling/scheduler.h"
@@ -28,53 +29,69 @@ class Job;
 
 bool has_ended(v1::JobState state);
 
-/// What a job needs of the server. `changed` and `ended` are called without any lock of the job held.
+/// What a job needs of the server. `changed`, `ended` and `suspended` are called without any lock of the job
+/// held.
 struct JobServices {
-  TaskQueue& writer;              ///< encodes and stores final images
+  JobStore& store;
+  std::filesystem::path folder;   ///< of {id}.exr and {id}.checkpoint
+  TaskQueue& writer;              ///< encodes and stores images and checkpoints
   std::function<void()> changed;  ///< watchers may have something to see
   std::function<void(const std::shared_ptr<Job>&)> ended;
+  std::function<void(const std::shared_ptr<Job>&)> suspended;
+  std::atomic<uint64_t> tiles = 0;  ///< rendered
 };
 
 /// Life: created queued; `start` gives it a scene; the scheduler takes its tasks; it ends exactly once, by
-/// its last task, an error or `cancel`. What it acknowledges is in `folder` first: request.json, job.json,
-/// image.exr. Thread-safe.
+/// its last task, an error or `cancel`. What it acknowledges is in the store first. Now and then it writes a
+/// checkpoint, from which `start` goes on in a later life of the server. Thread-safe.
 class Job : public Workload, public std::enable_shared_from_this<Job> {
  public:
-  /// `settings.engine` lacks the cache, which `start` brings.
-  Job(const std::string& id, const v1::CreateJobRequest& request, JobSettings settings,
-      std::filesystem::path folder, JobServices& services);
-  /// A job of an earlier life of the server. One that had not ended is now failed (SERVER_RESTARTED). Throws
-  /// RpcError STORAGE_ERROR when the folder is damaged.
-  static std::shared_ptr<Job> restore(std::filesystem::path folder, JobServices& services);
+  /// A new job with these effective settings.
+  Job(const std::string& id, const v1::CreateJobRequest& request, const v1::RenderSettings& settings,
+      JobServices& services);
+  /// A job of an earlier life of the server. Throws RpcError INVALID_NAME when the row makes no sense.
+  Job(StoredJob stored, JobServices& services);
 
   const std::string& id() const { return id_; }
-  const std::string& request_id() const { return request_id_; }
+  const std::string& request_id() const { return request_.request_id(); }
   const std::string& request_hash() const { return request_hash_; }
   const std::string& scene_id() const { return scene_id_; }
-  /// Memory of its film while it runs, in bytes.
+  /// Effective.
+  const v1::RenderSettings& settings() const { return settings_; }
+  /// Most memory of its film, in bytes.
   int64_t film_bytes() const;
 
-  /// Writes its folder. Throws as `write_file_durably`.
-  void save(const v1::CreateJobRequest& request);
+  /// The row of the store.
+  StoredJob stored() const;
   /// What `start` needs: does its integrator use a cache, and as of which epoch; none: the newest.
   bool uses_cache() const;
   std::optional<uint64_t> epoch() const;
   int32_t max_depth() const { return settings_.max_depth(); }
-  /// Gives it its scene and, if it uses one, the cache; tasks can be taken from now on. Nothing happens if it
-  /// has ended.
-  void start(std::shared_ptr<const transport::World> world, std::shared_ptr<cache::SceneCache> cache,
+  /// Gives it its scene and the engine's settings, with the cache and the reference image if it uses any;
+  /// tasks can be taken from now on. Goes on from a checkpoint if there is one. Nothing happens if it has
+  /// ended.
+  void start(std::shared_ptr<const transport::World> world, render::RenderSettings engine,
              double load_seconds);
   /// Ends it with an error, as soon as no task of it runs.
   void fail(const RpcError& error);
   /// As `fail`, but cancelled.
+  void abandon(const RpcError& why);
+  /// As `abandon`, and remembered before it returns. Throws as `JobStore::put`, and RpcError SHUTTING_DOWN.
   void cancel(const RpcError& why);
+  /// Holds it, and lets it go on; remembered before they return. Nothing happens to one that has ended.
+  /// Throw as `cancel`.
+  void pause();
+  void unpause();
+  /// The server ends and the job does not: stops its tasks, writes a last checkpoint, sends its watchers
+  /// away, and calls `suspended`, unless it is ending anyway.
+  void suspend();
 
   v1::Job describe() const;
   v1::JobState state() const;
   bool ended() const;
   double rays_per_second() const;
-  std::filesystem::path image_path() const { return folder_ / "image.exr"; }
-  const std::filesystem::path& folder() const { return folder_; }
+  std::filesystem::path image_path() const { return services_.folder / (id_ + ".exr"); }
+  std::filesystem::path checkpoint_path() const { return services_.folder / (id_ + ".checkpoint"); }
 
   // Workload
   std::function<void()> take() override;
@@ -89,20 +106,28 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
     bool last = false;
   };
   /// What to send next to the watcher with this cursor. Encodes a tile if it is one. Throws RpcError
-  /// IMAGE_DAMAGED.
+  /// IMAGE_DAMAGED, and SHUTTING_DOWN of a job that is suspended.
   NextEvent next_event(WatchCursor& cursor);
 
  private:
-  struct Restored {};
-  Job(Restored, const v1::CreateJobRequest& request, v1::Job description, std::filesystem::path folder,
-      JobServices& services);
-
   void run(const render::Task& task);
-  /// Begins to end the job if there is a reason and no task of it runs; with `mutex_` held.
+  /// Takes note of a task that returned; with `mutex_` held.
+  void account(const render::Task& task, bool pass_completed);
+  /// Begins to end or to suspend the job if there is a reason and no task of it runs; with `mutex_` held.
   void finish_if_idle();
   void finish();
   void store_image(v1::Job& description);
   void end(v1::Job description);
+  /// Everything that a film depends on besides the number of its samples. From `start` on.
+  std::string checkpoint_identity() const;
+  void resume_from_checkpoint(render::RenderJob& job) const;
+  /// Has a checkpoint written when enough has been rendered since the last one; with `mutex_` held.
+  void checkpoint_if_due();
+  /// In the writer's thread.
+  void write_checkpoint();
+  void finish_suspension();
+  /// Makes a change (true: there was one) with `mutex_` held, and stores the job; not if it has ended.
+  void change_and_store(const std::function<bool()>& change);
   /// Publishes tiles again as cadence and cost allow; with `mutex_` held.
   void publish_tiles(Clock::time_point now);
   v1::Job describe_locked() const;
@@ -112,14 +137,14 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   std::shared_ptr<const v1::Tile> encoded_tile(uint32_t index, uint64_t revision);
 
   const std::string id_;
-  const std::string request_id_;
+  const v1::CreateJobRequest request_;
   const std::string request_hash_;
   const std::string scene_id_;
-  const std::filesystem::path folder_;
   JobServices& services_;
   const v1::RenderSettings settings_;       ///< effective
   render::RenderSettings engine_settings_;  ///< changes with `start` only
 
+  std::mutex store_mutex_;  ///< before `mutex_`: rows are stored in the order in which the job changes
   mutable std::mutex mutex_;
   v1::Job base_;  ///< everything but the progress of a running job
   TileBoard board_;
@@ -128,9 +153,12 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   std::shared_ptr<const TileSource> kept_tile_source_;           ///< while somebody watches
   std::map<uint64_t, std::shared_ptr<const v1::Tile>> encoded_;  ///< by revision, while several watch
   size_t encoded_bytes_ = 0;
-  std::string scene_fingerprint_;
-  std::string cache_name_;  ///< empty: it uses none
-  std::atomic<bool> stop_ = false;
+  std::string scene_fingerprint_;        ///< set once, by `start`
+  std::string cache_name_;               ///< empty: it uses none
+  std::atomic<bool> interrupt_ = false;  ///< for running tasks: it is stopped, paused or suspended
+  bool stop_ = false;
+  bool paused_ = false;
+  bool suspended_ = false;
   std::optional<RpcError> failure_;  ///< why it is stopped
   bool failure_is_cancel_ = false;
   bool finishing_ = false;
@@ -138,6 +166,11 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   int watchers_ = 0;
   uint64_t tasks_completed_ = 0;
   std::vector<uint32_t> unfinished_pass_;  ///< tiles that the current pass has completed
+  std::vector<uint32_t> doubtful_tiles_;   ///< tiles of which it isn't known, as their tasks were interrupted
+  bool checkpoint_pending_ = false;
+  uint32_t checkpoint_passes_ = 0;  ///< of the last checkpoint
+  double checkpoint_seconds_ = 0;   ///< that all of them took, since the start
+  double last_checkpoint_seconds_ = 0;
   double render_cpu_seconds_ = 0;
   double encode_cpu_seconds_ = 0;
   double load_seconds_ = 0;

@@ -20,6 +20,11 @@ namespace {
 
 RpcError shutting_down() { return {StatusCode::UNAVAILABLE, "SHUTTING_DOWN", "the server is shutting down"}; }
 
+const fs::path& made(const fs::path& folder) {
+  fs::create_directories(folder);
+  return folder;
+}
+
 }  // namespace
 
 JobTable::JobTable(Settings settings, SceneRegistry& scenes, CacheRegistry& caches, BlobStore& blobs,
@@ -29,23 +34,70 @@ JobTable::JobTable(Settings settings, SceneRegistry& scenes, CacheRegistry& cach
       caches_(caches),
       blobs_(blobs),
       scheduler_(scheduler),
-      services_{.writer = writer,
+      store_(made(settings_.folder) / "jobs.sqlite"),
+      services_{.store = store_,
+                .folder = settings_.folder,
+                .writer = writer,
                 .changed = std::move(changed),
-                .ended = [this](const std::shared_ptr<Job>& job) { on_ended(job); }} {
-  fs::create_directories(settings_.folder);
+                .ended = [this](const std::shared_ptr<Job>& job) { on_stopped(job); },
+                .suspended = [this](const std::shared_ptr<Job>& job) { on_stopped(job); }} {
   restore();
 }
 
 void JobTable::restore() {
-  for (const auto& folder : fs::directory_iterator(settings_.folder)) {
+  std::vector<StoredJob> changed;
+  for (StoredJob& row : store_.load()) {
     try {
-      const std::shared_ptr<Job> job = Job::restore(folder.path(), services_);
+      const bool had_ended = has_ended(row.description.state());
+      const auto job = std::make_shared<Job>(std::move(row), services_);
       id_by_request_[job->request_id()] = job->id();
       jobs_.emplace(job->id(), job);
+      if (!had_ended) changed.push_back(job->stored());
+      if (!job->ended()) waiting_.push_back(job);
     } catch (const std::exception& error) {
-      spdlog::warn("job folder {} is passed over: {}", folder.path().filename().string(), error.what());
+      spdlog::error("a job of an earlier life is passed over: {}", error.what());
     }
   }
+  // In one transaction, before anybody can be told a revision of this life.
+  store_.put(changed);
+  if (store_.complete()) remove_orphans();
+}
+
+void JobTable::remove_orphans() const {
+  for (const auto& file : fs::directory_iterator(settings_.folder)) {
+    const fs::path& path = file.path();
+    const bool ours = path.extension() == ".exr" || path.extension() == ".checkpoint";
+    const auto job = jobs_.find(path.stem());
+    const bool wanted = ours && job != jobs_.end() && (path.extension() == ".exr" || !job->second->ended());
+    std::error_code ignored;
+    if ((ours && !wanted) || path.extension() == ".tmp") fs::remove(path, ignored);
+  }
+}
+
+void JobTable::resume() {
+  std::deque<std::shared_ptr<Job>> jobs;
+  {
+    const std::lock_guard lock(mutex_);
+    jobs = waiting_;
+  }
+  const RpcError why(StatusCode::ABORTED, "SERVER_RESTARTED",
+                     "the server, which a client had started for itself, ended before the job");
+  for (const std::shared_ptr<Job>& job : jobs) {
+    if (!settings_.jobs_outlive_server) {
+      job->abandon(why);
+    } else if (job->film_bytes() > settings_.film_budget_bytes) {
+      job->fail(too_large(*job));
+    }
+  }
+  admit();
+}
+
+RpcError JobTable::too_large(const Job& job) const {
+  return {StatusCode::RESOURCE_EXHAUSTED,
+          "IMAGE_TOO_LARGE",
+          "the film needs " + std::to_string(job.film_bytes()) + " bytes of memory; this server has " +
+              std::to_string(settings_.film_budget_bytes) + " for films",
+          {{"field", "settings.crop"}}};
 }
 
 void JobTable::create(const v1::CreateJobRequest& request, Created done) {
@@ -88,30 +140,19 @@ void JobTable::create(const v1::CreateJobRequest& request, Created done) {
 }
 
 std::shared_ptr<Job> JobTable::make_job(const v1::CreateJobRequest& request, const scene::Scene& scene) {
-  JobSettings settings = resolve_settings(request.settings(), scene, scheduler_.threads());
-  if (!settings.effective.reference_sha256().empty()) {
-    settings.engine.reference =
-        load_reference(settings.effective.reference_sha256(), settings.engine.film.crop, blobs_);
+  const JobSettings settings = resolve_settings(request.settings(), scene, scheduler_.threads());
+  if (!v1::JobPriority_IsValid(request.priority())) {
+    throw RpcError(StatusCode::INVALID_ARGUMENT, "INVALID_SETTINGS", "priority is not a JobPriority",
+                   {{"field", "priority"}});
   }
+  if (!settings.effective.reference_sha256().empty())
+    load_reference(settings.effective.reference_sha256(), settings.engine.film.crop, blobs_);
   if (settings.effective.has_epoch()) {
     caches_.at_epoch(cache::record_field(scene, settings.effective.max_depth()), settings.effective.epoch());
   }
-  const std::string id = new_job_id();
-  auto job = std::make_shared<Job>(id, request, std::move(settings), settings_.folder / id, services_);
-  if (job->film_bytes() > settings_.film_budget_bytes) {
-    throw RpcError(StatusCode::RESOURCE_EXHAUSTED, "IMAGE_TOO_LARGE",
-                   "the film needs " + std::to_string(job->film_bytes()) +
-                       " bytes of memory; this server has " + std::to_string(settings_.film_budget_bytes) +
-                       " for films",
-                   {{"field", "settings.crop"}});
-  }
-  try {
-    job->save(request);
-  } catch (...) {
-    std::error_code ignored;
-    fs::remove_all(job->folder(), ignored);
-    throw;
-  }
+  auto job = std::make_shared<Job>(new_job_id(), request, settings.effective, services_);
+  if (job->film_bytes() > settings_.film_budget_bytes) throw too_large(*job);
+  store_.put({job->stored()});
   return job;
 }
 
@@ -139,7 +180,7 @@ void JobTable::finish_creation(const v1::CreateJobRequest& request,
       stopped = shut_down_;
     }
   }
-  if (stopped) job->cancel(shutting_down());
+  if (stopped) stop(*job);
   for (const Created& done : creation.waiting) done(job, error);
   admit();
   forget_old();
@@ -178,7 +219,7 @@ void JobTable::start(const std::shared_ptr<Job>& job) {
                         return;
                       }
                       try {
-                        job->start(world, cache_of(*job, world->scene()), load_seconds + more_seconds);
+                        job->start(world, engine_settings(*job, world->scene()), load_seconds + more_seconds);
                       } catch (...) {
                         job->fail(to_rpc_error(std::current_exception()));
                         return;
@@ -192,21 +233,28 @@ void JobTable::start(const std::shared_ptr<Job>& job) {
   }
 }
 
-std::shared_ptr<cache::SceneCache> JobTable::cache_of(const Job& job, const scene::Scene& scene) {
-  if (!job.uses_cache()) return nullptr;
-  const scene::FieldIdentity field = cache::record_field(scene, job.max_depth());
-  if (const auto epoch = job.epoch()) return caches_.at_epoch(field, *epoch);
-  return caches_.acquire(field);
+render::RenderSettings JobTable::engine_settings(const Job& job, const scene::Scene& scene) {
+  render::RenderSettings engine = resolve_settings(job.settings(), scene, scheduler_.threads()).engine;
+  if (!job.settings().reference_sha256().empty())
+    engine.reference = load_reference(job.settings().reference_sha256(), engine.film.crop, blobs_);
+  if (job.uses_cache()) {
+    const scene::FieldIdentity field = cache::record_field(scene, job.max_depth());
+    const auto epoch = job.epoch();
+    engine.integrator_settings.cache = epoch ? caches_.at_epoch(field, *epoch) : caches_.acquire(field);
+  }
+  return engine;
 }
 
-void JobTable::on_ended(const std::shared_ptr<Job>& job) {
+void JobTable::on_stopped(const std::shared_ptr<Job>& job) {
   scheduler_.remove(*job);
+  const v1::Job description = job->describe();
   {
     const std::lock_guard lock(mutex_);
     if (active_.erase(job->id()) != 0) active_film_bytes_ -= job->film_bytes();
     std::erase(waiting_, job);
     load_seconds_.erase(job->id());
-    ended_rays_ += job->describe().progress().rays();
+    ended_rays_ += description.progress().rays();
+    if (description.state() == v1::JOB_STATE_FAILED) ++failures_[reason_of(description.error())];
   }
   admit();
 }
@@ -227,10 +275,17 @@ void JobTable::forget_old() {
       it = jobs_.erase(it);
     }
   }
+  std::vector<std::string> names;
+  for (const std::shared_ptr<Job>& job : forgotten) names.push_back(job_name(job->id()));
+  try {
+    store_.remove(names);
+  } catch (const std::exception& error) {
+    spdlog::warn("old jobs come back with the next start: {}", error.what());
+    return;
+  }
   for (const std::shared_ptr<Job>& job : forgotten) {
     std::error_code ignored;
-    fs::remove(job->folder() / "job.json", ignored);  // first: without it the folder counts as absent
-    fs::remove_all(job->folder(), ignored);
+    fs::remove(job->image_path(), ignored);
   }
 }
 
@@ -284,7 +339,26 @@ void JobTable::shut_down() {
     jobs.assign(waiting_.begin(), waiting_.end());
     for (const auto& [id, job] : active_) jobs.push_back(job);
   }
-  for (const std::shared_ptr<Job>& job : jobs) job->cancel(shutting_down());
+  for (const std::shared_ptr<Job>& job : jobs) stop(*job);
+}
+
+void JobTable::stop(Job& job) const {
+  if (settings_.jobs_outlive_server) {
+    job.suspend();
+  } else {
+    job.abandon(shutting_down());
+  }
+}
+
+std::set<std::string> JobTable::blobs_in_use() const {
+  std::set<std::string> blobs;
+  const std::lock_guard lock(mutex_);
+  const auto add = [&](const Job& job) {
+    if (const std::string& sha256 = job.settings().reference_sha256(); !sha256.empty()) blobs.insert(sha256);
+  };
+  for (const std::shared_ptr<Job>& job : waiting_) add(*job);
+  for (const auto& [id, job] : active_) add(*job);
+  return blobs;
 }
 
 size_t JobTable::unfinished() const {
@@ -310,6 +384,9 @@ JobTable::Counts JobTable::counts() const {
       case v1::JOB_STATE_FAILED:
         ++counts.failed;
         break;
+      case v1::JOB_STATE_PAUSED:
+        ++counts.paused;
+        break;
       default:
         ++counts.cancelled;
     }
@@ -322,6 +399,16 @@ uint64_t JobTable::rays() const {
   uint64_t rays = ended_rays_;
   for (const auto& [id, job] : active_) rays += job->describe().progress().rays();
   return rays;
+}
+
+int64_t JobTable::film_bytes() const {
+  const std::lock_guard lock(mutex_);
+  return active_film_bytes_;
+}
+
+std::map<std::string, uint64_t> JobTable::failures() const {
+  const std::lock_guard lock(mutex_);
+  return failures_;
 }
 
 }  // namespace fogbank::service

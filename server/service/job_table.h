@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -25,9 +26,11 @@ class JobTable {
   struct Settings {
     std::filesystem::path folder;
     int64_t film_budget_bytes = 0;
+    bool jobs_outlive_server =
+        false;  ///< else they are cancelled with the server, and found dead after a crash
   };
 
-  /// Reads `folder`; what is damaged there is passed over with a log line.
+  /// Reads `folder`; what is damaged there is passed over with a log line. Throws as JobStore.
   JobTable(Settings settings, SceneRegistry& scenes, CacheRegistry& caches, BlobStore& blobs,
            Scheduler& scheduler, TaskQueue& writer, std::function<void()> changed);
 
@@ -43,7 +46,14 @@ class JobTable {
   /// Throws RpcError INVALID_PAGE_SIZE, INVALID_PAGE_TOKEN.
   v1::ListJobsResponse list(const v1::ListJobsRequest& request) const;
 
-  /// Cancels all jobs and takes no new ones.
+  /// A job that had no tasks has some again.
+  void wake() { scheduler_.wake(); }
+  /// Goes on with the jobs that an earlier life of the server has left, or cancels them.
+  void resume();
+  /// SHA-256 of the blobs that unfinished jobs need.
+  std::set<std::string> blobs_in_use() const;
+
+  /// Suspends or cancels all jobs and takes no new ones.
   void shut_down();
   /// Jobs that have not ended.
   size_t unfinished() const;
@@ -54,11 +64,17 @@ class JobTable {
     int succeeded = 0;
     int failed = 0;
     int cancelled = 0;
+    int paused = 0;
     double rays_per_second = 0;
   };
   Counts counts() const;
   /// Rays of all jobs that ended since the start and of those that run.
   uint64_t rays() const;
+  uint64_t tiles() const { return services_.tiles; }
+  /// Memory of the films of the jobs that are admitted.
+  int64_t film_bytes() const;
+  /// Jobs that failed since the start, by reason.
+  std::map<std::string, uint64_t> failures() const;
 
  private:
   struct Creation {
@@ -67,15 +83,21 @@ class JobTable {
   };
 
   void restore();
+  void remove_orphans() const;
+  RpcError too_large(const Job& job) const;
   std::shared_ptr<Job> make_job(const v1::CreateJobRequest& request, const scene::Scene& scene);
-  std::shared_ptr<cache::SceneCache> cache_of(const Job& job, const scene::Scene& scene);
+  /// With the cache and the reference image that the job uses.
+  render::RenderSettings engine_settings(const Job& job, const scene::Scene& scene);
   void finish_creation(const v1::CreateJobRequest& request,
                        const std::shared_ptr<const transport::World>& world, double load_seconds,
                        std::exception_ptr error);
   /// Starts waiting jobs for which there is memory.
   void admit();
   void start(const std::shared_ptr<Job>& job);
-  void on_ended(const std::shared_ptr<Job>& job);
+  /// Ended or suspended.
+  void on_stopped(const std::shared_ptr<Job>& job);
+  /// Suspends or cancels.
+  void stop(Job& job) const;
   /// Forgets the oldest ended jobs above the limit.
   void forget_old();
 
@@ -84,6 +106,7 @@ class JobTable {
   CacheRegistry& caches_;
   BlobStore& blobs_;
   Scheduler& scheduler_;
+  JobStore store_;
   JobServices services_;
   mutable std::mutex mutex_;
   std::map<std::string, std::shared_ptr<Job>> jobs_;  ///< by id, which sorts by age
@@ -95,6 +118,7 @@ class JobTable {
   int64_t active_film_bytes_ = 0;
   bool shut_down_ = false;
   uint64_t ended_rays_ = 0;
+  std::map<std::string, uint64_t> failures_;
 };
 
 }  // namespace fogbank::service

@@ -40,6 +40,8 @@ Job::NextEvent Job::next_event(WatchCursor& cursor) {
   uint32_t tile = 0;
   {
     const std::lock_guard lock(mutex_);
+    if (suspended_ && !has_ended(base_.state()))
+      throw RpcError(grpc::StatusCode::UNAVAILABLE, "SHUTTING_DOWN", "the server is shutting down");
     const Clock::time_point now = Clock::now();
     publish_tiles(now);
     const WatchCursor::Decision decision = cursor.next({.board = board_,
@@ -67,7 +69,7 @@ Job::NextEvent Job::next_event(WatchCursor& cursor) {
         return next;
       }
       case WatchCursor::Event::progress:
-        *next.message->mutable_progress() = render_job_ ? describe_progress() : base_.progress();
+        *next.message->mutable_progress() = describe_locked().progress();
         return next;
       case WatchCursor::Event::heartbeat:
         next.message->mutable_heartbeat();

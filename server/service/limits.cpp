@@ -30,6 +30,8 @@ std::span<const Entry> table() {
       {"max_tile_size", max_tile_size, "pixels", "side of a tile"},
       {"default_tile_size", default_tile_size, "pixels", "side of a tile when a job names none"},
       {"cancel_seconds", cancel_seconds, "seconds", "threads of a cancelled job are free after at most this"},
+      {"checkpoint_share", checkpoint_share, "share of render CPU time",
+       "what writing checkpoints of a job may take; beyond it they wait"},
       {"max_probes", max_probes, "count", "open Probe streams"},
       {"max_probe_chunk_points", max_probe_chunk_points, "count", "points of one message of Probe"},
       {"max_probe_points_in_flight", max_probe_points_in_flight, "count",

@@ -41,6 +41,8 @@ inline constexpr int64_t min_tile_size = render::RenderLimits::smallest_tile;
 inline constexpr int64_t max_tile_size = render::RenderLimits::largest_tile;
 inline constexpr int64_t default_tile_size = 32;
 inline constexpr double cancel_seconds = 0.2;
+/// Share of a job's render CPU time that writing its checkpoints may take.
+inline constexpr double checkpoint_share = 0.01;
 
 // Probes.
 inline constexpr int64_t max_probes = 64;

@@ -46,6 +46,27 @@ grpc::ServerUnaryReactor* RenderServiceImplementation::CancelJob(grpc::CallbackS
   });
 }
 
+grpc::ServerUnaryReactor* RenderServiceImplementation::PauseJob(grpc::CallbackServerContext* context,
+                                                                const v1::PauseJobRequest* request,
+                                                                v1::PauseJobResponse* response) {
+  return answer(context, control_, [this, request, response] {
+    const std::shared_ptr<Job> job = jobs_.find(parse_job_name(request->name()));
+    job->pause();
+    *response->mutable_job() = job->describe();
+  });
+}
+
+grpc::ServerUnaryReactor* RenderServiceImplementation::ResumeJob(grpc::CallbackServerContext* context,
+                                                                 const v1::ResumeJobRequest* request,
+                                                                 v1::ResumeJobResponse* response) {
+  return answer(context, control_, [this, request, response] {
+    const std::shared_ptr<Job> job = jobs_.find(parse_job_name(request->name()));
+    job->unpause();
+    jobs_.wake();
+    *response->mutable_job() = job->describe();
+  });
+}
+
 grpc::ServerWriteReactor<v1::WatchJobResponse>* RenderServiceImplementation::WatchJob(
     grpc::CallbackServerContext* context, const v1::WatchJobRequest* request) {
   return start_watch(*context, *request, jobs_, pump_);

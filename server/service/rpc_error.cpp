@@ -107,6 +107,12 @@ google::rpc::Status to_status_message(const RpcError& error) {
   return status;
 }
 
+std::string reason_of(const google::rpc::Status& status) {
+  google::rpc::ErrorInfo info;
+  if (status.details_size() == 0 || !status.details(0).UnpackTo(&info)) return "";
+  return info.reason();
+}
+
 grpc::Status to_grpc_status(const RpcError& error) {
   const google::rpc::Status status = to_status_message(error);
   return {error.code(), status.message(), status.SerializeAsString()};

@@ -48,6 +48,9 @@ RpcError to_rpc_error(const std::exception_ptr& exception);
 /// As google.rpc.Status with one google.rpc.ErrorInfo of domain "fogbank".
 google::rpc::Status to_status_message(const RpcError& error);
 
+/// The reason of such a message; empty where it has none.
+std::string reason_of(const google::rpc::Status& status);
+
 /// As the status of an rpc, the message above in its details.
 grpc::Status to_grpc_status(const RpcError& error);
 

@@ -80,8 +80,8 @@ int default_threads() { return static_cast<int>(std::max(1u, std::thread::hardwa
 /// Removes what nobody needs any more, once a minute.
 class Sweeper {
  public:
-  Sweeper(SceneRegistry& scenes, BlobStore& blobs, CacheRegistry& caches)
-      : thread_([this, &scenes, &blobs, &caches] { work(scenes, blobs, caches); }) {}
+  Sweeper(SceneRegistry& scenes, BlobStore& blobs, CacheRegistry& caches, const JobTable& jobs)
+      : thread_([this, &scenes, &blobs, &caches, &jobs] { work(scenes, blobs, caches, jobs); }) {}
   ~Sweeper() {
     {
       const std::lock_guard lock(mutex_);
@@ -92,11 +92,12 @@ class Sweeper {
   }
 
  private:
-  void work(SceneRegistry& scenes, BlobStore& blobs, CacheRegistry& caches) {
+  void work(SceneRegistry& scenes, BlobStore& blobs, CacheRegistry& caches, const JobTable& jobs) {
     std::unique_lock lock(mutex_);
     while (!wake_.wait_for(lock, std::chrono::minutes(1), [this] { return stopped_; })) {
-      blobs.sweep(scenes.blobs_in_use(),
-                  std::chrono::seconds(static_cast<int64_t>(limits::blob_lifetime_seconds)),
+      std::set<std::string> in_use = scenes.blobs_in_use();
+      in_use.merge(jobs.blobs_in_use());
+      blobs.sweep(in_use, std::chrono::seconds(static_cast<int64_t>(limits::blob_lifetime_seconds)),
                   std::chrono::seconds(static_cast<int64_t>(limits::partial_upload_lifetime_seconds)));
       caches.keep_within_budget();
     }
@@ -130,8 +131,10 @@ struct Server::Parts {
                 .memory_budget_bytes = memory_bytes / 4,
                 .disk_budget_bytes = options.cache_bytes}),
         scheduler(options.threads > 0 ? options.threads : default_threads(), scene::prepare_render_thread),
-        jobs({.folder = options.data / "jobs", .film_budget_bytes = memory_bytes / 4}, scenes, caches, blobs,
-             scheduler, writer, [this] { pump.news(); }),
+        jobs({.folder = options.data / "jobs",
+              .film_budget_bytes = memory_bytes / 4,
+              .jobs_outlive_server = options.jobs_outlive_server},
+             scenes, caches, blobs, scheduler, writer, [this] { pump.news(); }),
         scene_service(scenes, blobs, control, files),
         render_service(jobs, control, files, pump),
         probe_service(scenes, scheduler, control, probe_pump),
@@ -201,7 +204,8 @@ Server::Server(const ServerOptions& options) {
     health->SetServingStatus(service, true);
   }
   parts_->target = address.is_network ? address.host + ":" + std::to_string(port) : address.target;
-  parts_->sweeper.emplace(parts_->scenes, parts_->blobs, parts_->caches);
+  parts_->sweeper.emplace(parts_->scenes, parts_->blobs, parts_->caches, parts_->jobs);
+  parts_->jobs.resume();
 }
 
 Server::~Server() { stop(); }

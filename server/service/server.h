@@ -17,6 +17,9 @@ struct ServerOptions {
   int64_t memory_bytes = 0;           ///< for scenes, caches and films; 0: three quarters of the machine's
   int64_t cache_bytes = 0;            ///< of caches on the disk; 0: no limit
   bool insecure_any_address = false;  ///< allows addresses other than loopback and sockets
+  /// Jobs that have not ended when the server does go on with its next life. Else they are cancelled: their
+  /// client ends, too.
+  bool jobs_outlive_server = true;
 };
 
 /// Refused options (a message for people; the program ends with a usage error).
@@ -37,8 +40,8 @@ class Server {
   /// What clients connect to: HOST:PORT or unix:PATH.
   const std::string& target() const;
 
-  /// Takes no new jobs, cancels the others, gives watchers the time to hear of it, and ends within
-  /// limits::drain_seconds + limits::shutdown_seconds.
+  /// Takes no new jobs, suspends or cancels the others, gives watchers the time to hear of it, and ends
+  /// within limits::drain_seconds + limits::shutdown_seconds.
   void stop();
 
  private:

@@ -6,11 +6,10 @@
 #include <fstream>
 #include <vector>
 
-#include "core/files.h"
-#include "core/sha256.h"
 #include "derivatives/estimator.h"
 #include "integrators/integrator.h"
 #include "service/answers.h"
+#include "service/build_id.h"
 #include "service/channel_arguments.h"
 #include "service/limits.h"
 #include "service/messages.h"
@@ -20,12 +19,6 @@
 namespace fogbank::service {
 
 namespace {
-
-/// Hash of the running program: nothing else says so surely that two servers are the same build.
-std::string build_id() {
-  constexpr int64_t max_program_bytes = 1 << 30;
-  return sha256(read_file("/proc/self/exe", max_program_bytes)).substr(0, 16);
-}
 
 int64_t resident_bytes() {
   std::ifstream file("/proc/self/statm");
@@ -116,6 +109,7 @@ grpc::ServerUnaryReactor* ServerServiceImplementation::GetServerStatus(
     response->mutable_jobs()->set_succeeded(jobs.succeeded);
     response->mutable_jobs()->set_failed(jobs.failed);
     response->mutable_jobs()->set_cancelled(jobs.cancelled);
+    response->mutable_jobs()->set_paused(jobs.paused);
     const SceneRegistry::Counts scenes = scenes_.counts();
     response->set_scenes(scenes.scenes);
     response->set_resident_scenes(scenes.resident);
@@ -129,6 +123,13 @@ grpc::ServerUnaryReactor* ServerServiceImplementation::GetServerStatus(
     response->set_rays(jobs_.rays());
     response->set_cache_memory_bytes(caches_.memory_bytes());
     response->set_fills(static_cast<int32_t>(fills_.streams()));
+    response->set_tiles(jobs_.tiles());
+    response->set_film_memory_bytes(jobs_.film_bytes());
+    for (const auto& [reason, count] : jobs_.failures()) {
+      v1::ErrorCount& error = *response->add_errors();
+      error.set_reason(reason);
+      error.set_count(count);
+    }
   });
 }
 

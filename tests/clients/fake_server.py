@@ -310,6 +310,24 @@ class FakeServer(
         job.go_on.set()
         return render_pb2.CancelJobResponse(job=job.message)
 
+    def PauseJob(  # noqa: N802
+        self, request: render_pb2.PauseJobRequest, context: grpc.ServicerContext
+    ) -> render_pb2.PauseJobResponse:
+        """As in the contract, for jobs that never end: the others are too quick to be held."""
+        job = self._job(request.name, context)
+        if job.message.state == render_pb2.JOB_STATE_RUNNING:
+            job.message.state = render_pb2.JOB_STATE_PAUSED
+        return render_pb2.PauseJobResponse(job=job.message)
+
+    def ResumeJob(  # noqa: N802
+        self, request: render_pb2.ResumeJobRequest, context: grpc.ServicerContext
+    ) -> render_pb2.ResumeJobResponse:
+        """As in the contract."""
+        job = self._job(request.name, context)
+        if job.message.state == render_pb2.JOB_STATE_PAUSED:
+            job.message.state = render_pb2.JOB_STATE_RUNNING
+        return render_pb2.ResumeJobResponse(job=job.message)
+
     def WatchJob(  # noqa: N802
         self, request: render_pb2.WatchJobRequest, context: grpc.ServicerContext
     ) -> Iterator[render_pb2.WatchJobResponse]:

@@ -397,6 +397,7 @@ def test_a_log_gets_a_line_for_each_tenth_of_a_long_render(capsys: pytest.Captur
                 noise=None,
                 bias=None,
                 true_error=None,
+                paused=False,
             )
         )
     # The first five seconds pass in silence: a short render needs no log.

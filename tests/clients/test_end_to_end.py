@@ -290,6 +290,29 @@ def test_jobs_and_scenes_outlive_the_server(tmp_path: Path) -> None:
         np.testing.assert_array_equal(again, before)
 
 
+def test_a_job_goes_on_with_the_next_server_and_its_watcher_with_it(tmp_path: Path) -> None:
+    # More patient than the server is slow to come back.
+    policy = fogbank.RetryPolicy(attempts=1000, longest_delay_seconds=0.2)
+    with served(tmp_path / "data") as (process, port):
+        service = fogbank.connect(f"127.0.0.1:{port}", retry_policy=policy)
+        job = service.load(SLAB).render(spp=20000, size=(16, 16), pixel_type="float", priority="background")
+        assert job.priority == "background"
+        reader = iter(job.tiles())
+        next(reader)
+        job.pause()
+        assert job.state is fogbank.JobState.PAUSED
+        process.kill()
+        process.wait()
+    with service, served(tmp_path / "data", "--listen", f"127.0.0.1:{port}"):
+        assert job.refresh().state is fogbank.JobState.PAUSED
+        assert job.restarts == 1
+        job.resume()
+        for _ in reader:
+            pass
+        assert job.ended
+        assert job.error is None
+
+
 def test_scenes_below_the_servers_root_need_no_upload(tmp_path: Path) -> None:
     root = str(ROOT / "scenes")
     with (

@@ -159,6 +159,7 @@ class Server:
         with self.log_path.open("ab") as log:
             self.process = subprocess.Popen(
                 [server_binary(), "--listen", listen, "--data", data, "--port-file", port_file, *arguments],
+                stdin=subprocess.PIPE,
                 stderr=log,
             )
         end = time.monotonic() + PATIENCE_SECONDS
@@ -185,6 +186,16 @@ class Server:
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
         return self.process.wait(PATIENCE_SECONDS)
+
+    def kill(self) -> None:
+        """SIGKILL, as a crash."""
+        self.channel.close()
+        self.process.kill()
+        self.process.wait(PATIENCE_SECONDS)
+
+    def job(self, name: str) -> render.Job:
+        """A job as it is now."""
+        return self.render.GetJob(render.GetJobRequest(name=name)).job
 
     def limit(self, name: str) -> float:
         """A limit by GetCapabilities."""

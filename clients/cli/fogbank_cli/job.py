@@ -18,7 +18,7 @@ _STATES = [state for state in fogbank.JobState if state is not fogbank.JobState.
 
 @click.group()
 def job() -> None:
-    """List, show, watch and cancel jobs."""
+    """List, show, watch, hold and cancel jobs."""
 
 
 @job.command("ls")
@@ -116,6 +116,37 @@ def cancel(session: Session, /, names: tuple[str, ...]) -> None:
             session.output.text(f"{item.name}: {f'was {item.state} already' if had_ended else 'cancelled'}")
 
 
+@job.command()
+@click.argument("names", nargs=-1, required=True)
+@json_option
+@pass_session
+def pause(session: Session, /, names: tuple[str, ...]) -> None:
+    """Hold the jobs NAMES until they are resumed; one that has ended stays as it is."""
+    with session.connect() as service:
+        for name in names:
+            item = _find(service, name)
+            item.pause()
+            _report_state(session, "paused", item)
+
+
+@job.command()
+@click.argument("names", nargs=-1, required=True)
+@json_option
+@pass_session
+def resume(session: Session, /, names: tuple[str, ...]) -> None:
+    """Go on with the paused jobs NAMES; any other stays as it is."""
+    with session.connect() as service:
+        for name in names:
+            item = _find(service, name)
+            item.resume()
+            _report_state(session, "resumed", item)
+
+
+def _report_state(session: Session, event: str, item: fogbank.Job) -> None:
+    session.output.event(event, job=item.name, state=str(item.state))
+    session.output.text(f"{item.name}: {item.state}")
+
+
 def _find(service: fogbank.Service, name: str) -> fogbank.Job:
     return find(name, "jobs", service.job, service.jobs())
 
@@ -125,6 +156,8 @@ def _fields(item: fogbank.Job) -> dict[str, object]:
         "job": item.name,
         "scene": item.scene_name,
         "state": str(item.state),
+        "priority": item.priority,
+        "restarts": item.restarts,
         "create_time": item.create_time,
         "start_time": item.start_time,
         "end_time": item.end_time,

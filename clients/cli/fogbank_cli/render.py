@@ -8,6 +8,7 @@ from typing import Unpack
 import click
 import fogbank
 from fogbank import RenderOptions, UploadProgress
+from fogbank.job import Priority
 
 from fogbank_cli.image_output import exposure_option, follow_and_save, watch_tev_option
 from fogbank_cli.output import Output, quantity
@@ -25,6 +26,13 @@ _LIVE_UPDATE_SECONDS = 0.25
     "-o", "--output", "paths", type=ImagePathType(), multiple=True, required=True, help=".exr or .png; may be repeated."
 )
 @picture_options
+@click.option(
+    "--priority",
+    type=click.Choice(["interactive", "normal", "background"]),
+    default="normal",
+    show_default=True,
+    help="Which of your jobs go first.",
+)
 @loading_options
 @exposure_option
 @watch_tev_option
@@ -40,6 +48,7 @@ def render(
     root: Path | None,
     exposure: float,
     watch_tev: tuple[str, int] | None,
+    priority: Priority,
     **options: Unpack[RenderOptions],
 ) -> None:
     """Render SCENE, a Mitsuba 3 XML file, and write the image.
@@ -52,7 +61,7 @@ def render(
     output = session.output
     with session.connect() as service:
         loaded = load_scene(service, output, scene, parameters, lenient, root)
-        job = loaded.render(**options)
+        job = loaded.render(priority=priority, **options)
         output.event("job", job=job.name, settings=job.settings)
         follow_and_save(
             job,

@@ -80,7 +80,7 @@ class ServerStatus:
     """Seconds since then."""
 
     jobs: dict[str, int]
-    """Number of jobs by state ("queued", "running", "succeeded", "failed", "cancelled")."""
+    """Number of jobs by state ("queued", "running", "paused", "succeeded", "failed", "cancelled")."""
 
     scenes: int
     """Scenes that are known."""
@@ -128,6 +128,7 @@ class ServerStatus:
             jobs={
                 "queued": jobs.queued,
                 "running": jobs.running,
+                "paused": jobs.paused,
                 "succeeded": jobs.succeeded,
                 "failed": jobs.failed,
                 "cancelled": jobs.cancelled,

@@ -33,7 +33,7 @@ from fogbank.window import Window
 
 
 class JobState(StrEnum):
-    """Where a job stands; it moves downwards in this list only."""
+    """Where a job stands."""
 
     UNKNOWN = "unknown"
     """A state that this version of the client does not know."""
@@ -44,6 +44,9 @@ class JobState(StrEnum):
     RUNNING = "running"
     """Being rendered."""
 
+    PAUSED = "paused"
+    """Held by `Job.pause`."""
+
     SUCCEEDED = "succeeded"
     """Ended; the image can be fetched."""
 
@@ -51,18 +54,26 @@ class JobState(StrEnum):
     """Ended with an error."""
 
     CANCELLED = "cancelled"
-    """Ended by a client or by the server's shutdown."""
+    """Ended by a client, or with the embedded server that it was made on."""
 
 
 STATES: dict[int, JobState] = {
     render_pb2.JOB_STATE_QUEUED: JobState.QUEUED,
     render_pb2.JOB_STATE_RUNNING: JobState.RUNNING,
+    render_pb2.JOB_STATE_PAUSED: JobState.PAUSED,
     render_pb2.JOB_STATE_SUCCEEDED: JobState.SUCCEEDED,
     render_pb2.JOB_STATE_FAILED: JobState.FAILED,
     render_pb2.JOB_STATE_CANCELLED: JobState.CANCELLED,
 }
 ENDED_STATES = frozenset({JobState.SUCCEEDED, JobState.FAILED, JobState.CANCELLED})
 
+
+Priority: TypeAlias = Literal["interactive", "normal", "background"]
+PRIORITIES: dict[Priority, render_pb2.JobPriority.ValueType] = {
+    "interactive": render_pb2.JOB_PRIORITY_INTERACTIVE,
+    "normal": render_pb2.JOB_PRIORITY_NORMAL,
+    "background": render_pb2.JOB_PRIORITY_BACKGROUND,
+}
 
 Phase: TypeAlias = Literal["filling", "rendering"]
 _PHASES: dict[int, Phase] = {
@@ -197,6 +208,9 @@ class Progress:
     true_error: TrueError | None
     """Distance to the reference image; None without one."""
 
+    paused: bool
+    """Held by `Job.pause`."""
+
     @classmethod
     def from_message(cls, message: render_pb2.Progress) -> Progress:
         """The progress of a wire message."""
@@ -218,6 +232,7 @@ class Progress:
             noise=report.noise if report else None,
             bias=report.bias if report else None,
             true_error=report.true_error if report else None,
+            paused=message.paused,
         )
 
 
@@ -315,7 +330,8 @@ JobEvent: TypeAlias = "Job | Tile | Progress"
 
 
 class Job:
-    """A render on the server. It goes on there whatever happens to this object; only `cancel` ends it early."""
+    """A render on the server. It goes on there whatever happens to this object, and when the server is started again;
+    only `cancel` ends it early."""
 
     def __init__(self, connection: Connection, message: render_pb2.Job) -> None:
         """Made by `Scene.render` and `Service.job`, not by users."""
@@ -362,6 +378,16 @@ class Job:
         return RenderStatistics.from_message(self._message.result) if self._message.HasField("result") else None
 
     @property
+    def priority(self) -> Priority:
+        """Its urgency among the jobs of the same user."""
+        return next((name for name, value in PRIORITIES.items() if value == self._message.priority), "normal")
+
+    @property
+    def restarts(self) -> int:
+        """How often the server was started again while the job had not ended."""
+        return self._message.restarts
+
+    @property
     def create_time(self) -> datetime:
         """When it was created, UTC."""
         return self._message.create_time.ToDatetime(UTC)
@@ -393,6 +419,20 @@ class Job:
         """Cancels the job; does not wait for its end. A job that has ended stays as it is."""
         response = self._connection.call(
             lambda stubs: stubs.render.CancelJob, render_pb2.CancelJobRequest(name=self.name)
+        )
+        self._message = response.job
+
+    def pause(self) -> None:
+        """Holds the job until `resume`, over restarts of the server, too. A job that has ended stays as it is."""
+        response = self._connection.call(
+            lambda stubs: stubs.render.PauseJob, render_pb2.PauseJobRequest(name=self.name)
+        )
+        self._message = response.job
+
+    def resume(self) -> None:
+        """Goes on with a paused job; any other stays as it is."""
+        response = self._connection.call(
+            lambda stubs: stubs.render.ResumeJob, render_pb2.ResumeJobRequest(name=self.name)
         )
         self._message = response.job
 

@@ -11,7 +11,7 @@ from typing import Unpack
 from fogbank._generated.v1 import probe_pb2, render_pb2, scene_pb2
 from fogbank.cache import SceneCache
 from fogbank.channel import Connection
-from fogbank.job import Job
+from fogbank.job import PRIORITIES, Job, Priority
 from fogbank.probe import (
     Order,
     PlanTerm,
@@ -208,12 +208,16 @@ class Scene:
         """Its radiance cache, which scenes that differ in camera, film, integrator or brightness of lights share."""
         return SceneCache(self._connection, self._message.cache, self.name)
 
-    def render(self, *, request_id: str | None = None, **options: Unpack[RenderOptions]) -> Job:
+    def render(
+        self, *, request_id: str | None = None, priority: Priority = "normal", **options: Unpack[RenderOptions]
+    ) -> Job:
         """Starts a render and returns at once.
 
         Args:
             request_id: 1 to 64 characters of [A-Za-z0-9_-]; the same id with the same options gives the same job, so
                 a program that crashed can take up its job again. A random one when None.
+            priority: "interactive" when somebody looks at it while it is rendered, "background" when it can wait: the
+                more urgent of a user's jobs go first, between tiles.
             options: see `fogbank.RenderOptions`; all are optional.
 
         Raises InvalidArgumentError, naming the option, for options that the server refuses, OSError for a reference
@@ -223,7 +227,10 @@ class Scene:
         if reference is not None:
             options["reference"] = upload_reference(self._connection, reference)
         request = render_pb2.CreateJobRequest(
-            request_id=request_id or uuid.uuid4().hex, scene=self.name, settings=settings_message(options)
+            request_id=request_id or uuid.uuid4().hex,
+            scene=self.name,
+            settings=settings_message(options),
+            priority=PRIORITIES[priority],
         )
         response = self._connection.call(lambda stubs: stubs.render.CreateJob, request)
         return Job(self._connection, response.job)

@@ -5,8 +5,7 @@
 namespace fogbank::service {
 
 TileBoard TileBoard::published(uint32_t tile_count, uint64_t revision) {
-  TileBoard board(tile_count, Clock::duration::zero());
-  board.revision_ = revision;
+  TileBoard board(tile_count, Clock::duration::zero(), revision);
   for (uint32_t tile = 0; tile < tile_count; ++tile) board.publish(tile, Clock::time_point::min());
   return board;
 }

@@ -25,7 +25,9 @@ class TileBoard {
     uint64_t revision = 0;
   };
 
-  TileBoard(uint32_t tile_count, Clock::duration interval) : interval_(interval), tiles_(tile_count) {}
+  /// Revisions begin above `first_revision`: those of an earlier life of the server must not come again.
+  TileBoard(uint32_t tile_count, Clock::duration interval, uint64_t first_revision = 0)
+      : interval_(interval), tiles_(tile_count), revision_(first_revision) {}
 
   /// A board on which every tile is published after `revision`: of a job that ended in an earlier life of the
   /// server, whose watchers may have missed any of them.
@@ -63,7 +65,7 @@ class TileBoard {
   std::vector<TileState> tiles_;
   std::map<uint64_t, uint32_t> by_revision_;
   std::set<std::pair<Clock::time_point, uint32_t>> deferred_;
-  uint64_t revision_ = 0;
+  uint64_t revision_;
 };
 
 }  // namespace fogbank::service

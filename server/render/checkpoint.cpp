@@ -1,0 +1,221 @@
+#include "render/checkpoint.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <bit>
+#include <cstring>
+#include <type_traits>
+
+#include "core/error.h"
+#include "core/files.h"
+#include "core/sha256.h"
+
+namespace fogbank::render {
+
+// Layout, little-endian: magic, version, length and bytes of the identity, fixed fields, history, tiles
+// (pixel count, then both sums of each pixel), and SHA-256 of all before as 64 hexadecimal digits.
+static_assert(std::endian::native == std::endian::little);
+static_assert(sizeof(PixelSums) == 6 * sizeof(double) && std::is_trivially_copyable_v<PixelSums>);
+
+namespace {
+
+constexpr std::string_view magic = "fogbankC";
+constexpr uint32_t version = 1;
+constexpr size_t digest_bytes = 64;
+
+[[noreturn]] void damaged(const std::string& why) {
+  throw Error(ErrorKind::data_loss, "CHECKPOINT_DAMAGED", "the checkpoint can't be used: " + why);
+}
+
+/// A file that is hashed as it is written.
+class HashedFile {
+ public:
+  explicit HashedFile(std::filesystem::path path)
+      : path_(std::move(path)), file_(open_file(path_, O_WRONLY | O_CREAT | O_TRUNC)) {}
+
+  void put(std::string_view bytes) {
+    hash_.update(bytes);
+    write_all(file_, bytes, path_);
+  }
+  void finish() {
+    write_all(file_, hash_.finish(), path_);
+    sync_file(file_, path_);
+  }
+
+ private:
+  std::filesystem::path path_;
+  FileDescriptor file_;
+  Sha256 hash_;
+};
+
+/// Values one after the other.
+class Encoder {
+ public:
+  template <typename T>
+  void put(const T& value) {
+    static_assert(std::is_arithmetic_v<T>);
+    char bytes[sizeof(T)];
+    std::memcpy(bytes, &value, sizeof(T));
+    bytes_.append(bytes, sizeof(T));
+  }
+  void put(const std::optional<double>& value) {
+    put(static_cast<uint8_t>(value.has_value()));
+    put(value.value_or(0.0));
+  }
+  void put(std::string_view text) {
+    put(static_cast<uint64_t>(text.size()));
+    bytes_.append(text);
+  }
+  const std::string& bytes() const { return bytes_; }
+
+ private:
+  std::string bytes_;
+};
+
+/// Every length is held against what is left before anything is allocated.
+class Decoder {
+ public:
+  explicit Decoder(std::string_view bytes) : rest_(bytes) {}
+
+  std::string_view take(uint64_t size) {
+    if (size > rest_.size()) damaged("it ends too soon");
+    const std::string_view taken = rest_.substr(0, size);
+    rest_.remove_prefix(size);
+    return taken;
+  }
+  template <typename T>
+  T get() {
+    T value;
+    std::memcpy(&value, take(sizeof(T)).data(), sizeof(T));
+    return value;
+  }
+  std::optional<double> get_optional() {
+    const auto present = get<uint8_t>();
+    const auto value = get<double>();
+    return present != 0 ? std::optional(value) : std::nullopt;
+  }
+  /// Number of elements of at least `smallest` bytes each.
+  uint64_t get_count(size_t smallest) {
+    const auto count = get<uint64_t>();
+    if (count > rest_.size() / smallest) damaged("it ends too soon");
+    return count;
+  }
+  bool at_end() const { return rest_.empty(); }
+
+ private:
+  std::string_view rest_;
+};
+
+void put(Encoder& encoder, const HistoryEntry& entry) {
+  encoder.put(entry.cpu_seconds);
+  encoder.put(entry.wall_seconds);
+  encoder.put(entry.samples);
+  encoder.put(entry.records);
+  encoder.put(entry.epoch);
+  encoder.put(entry.estimate.noise);
+  encoder.put(entry.estimate.bias);
+  encoder.put(entry.estimate.error);
+  encoder.put(static_cast<uint8_t>(entry.estimate.true_error.has_value()));
+  const TrueError error = entry.estimate.true_error.value_or(TrueError{});
+  encoder.put(error.relative_error);
+  encoder.put(error.median);
+  encoder.put(error.percentile_99);
+  encoder.put(error.relative_mse);
+}
+
+HistoryEntry get_history_entry(Decoder& decoder) {
+  HistoryEntry entry;
+  entry.cpu_seconds = decoder.get<double>();
+  entry.wall_seconds = decoder.get<double>();
+  entry.samples = decoder.get<uint32_t>();
+  entry.records = decoder.get<uint64_t>();
+  entry.epoch = decoder.get<uint64_t>();
+  entry.estimate.noise = decoder.get_optional();
+  entry.estimate.bias = decoder.get<double>();
+  entry.estimate.error = decoder.get_optional();
+  const bool has_true_error = decoder.get<uint8_t>() != 0;
+  TrueError error;
+  error.relative_error = decoder.get<double>();
+  error.median = decoder.get<double>();
+  error.percentile_99 = decoder.get<double>();
+  error.relative_mse = decoder.get<double>();
+  if (has_true_error) entry.estimate.true_error = error;
+  return entry;
+}
+
+std::string head_of(const Checkpoint& checkpoint, const std::string& identity) {
+  Encoder encoder;
+  encoder.put(version);
+  encoder.put(std::string_view(identity));
+  encoder.put(checkpoint.passes);
+  encoder.put(checkpoint.samples);
+  encoder.put(checkpoint.rays);
+  encoder.put(checkpoint.invalid_samples);
+  encoder.put(checkpoint.render_seconds);
+  encoder.put(checkpoint.cpu_seconds);
+  encoder.put(static_cast<uint64_t>(checkpoint.history.size()));
+  for (const HistoryEntry& entry : checkpoint.history) put(encoder, entry);
+  encoder.put(static_cast<uint64_t>(checkpoint.tiles.size()));
+  return encoder.bytes();
+}
+
+}  // namespace
+
+void write_checkpoint(const std::filesystem::path& path, const Checkpoint& checkpoint,
+                      const std::string& identity) {
+  std::filesystem::path temporary = path;
+  temporary += ".tmp";
+  try {
+    HashedFile file(temporary);
+    file.put(magic);
+    file.put(head_of(checkpoint, identity));
+    for (const auto& tile : checkpoint.tiles) {
+      Encoder count;
+      count.put(static_cast<uint64_t>(tile->sampled.size()));
+      file.put(count.bytes());
+      file.put(
+          {reinterpret_cast<const char*>(tile->sampled.data()), tile->sampled.size() * sizeof(PixelSums)});
+    }
+    file.finish();
+    rename_durably(temporary, path);
+  } catch (...) {
+    ::unlink(temporary.c_str());
+    throw;
+  }
+}
+
+Checkpoint read_checkpoint(const std::filesystem::path& path, const std::string& identity) {
+  constexpr int64_t max_bytes = int64_t{64} << 30;
+  const std::string file = read_file(path, max_bytes);
+  if (file.size() < magic.size() + digest_bytes || !file.starts_with(magic)) damaged("it is no checkpoint");
+  const std::string_view hashed = std::string_view(file).substr(0, file.size() - digest_bytes);
+  if (sha256(hashed) != std::string_view(file).substr(hashed.size())) damaged("its hash is wrong");
+
+  Decoder decoder(hashed.substr(magic.size()));
+  if (decoder.get<uint32_t>() != version) damaged("it is of another version");
+  if (decoder.take(decoder.get<uint64_t>()) != identity) damaged("it is of another job or build");
+  Checkpoint checkpoint;
+  checkpoint.passes = decoder.get<uint32_t>();
+  checkpoint.samples = decoder.get<uint32_t>();
+  checkpoint.rays = decoder.get<uint64_t>();
+  checkpoint.invalid_samples = decoder.get<uint64_t>();
+  checkpoint.render_seconds = decoder.get<double>();
+  checkpoint.cpu_seconds = decoder.get<double>();
+  checkpoint.history.resize(decoder.get_count(sizeof(double)));
+  for (HistoryEntry& entry : checkpoint.history) entry = get_history_entry(decoder);
+  checkpoint.tiles.resize(decoder.get_count(sizeof(uint64_t)));
+  for (auto& tile : checkpoint.tiles) {
+    auto film = std::make_shared<TileFilm>();
+    film->passes = checkpoint.passes;
+    film->samples = checkpoint.samples;
+    film->sampled.resize(decoder.get_count(sizeof(PixelSums)));
+    const std::string_view sums = decoder.take(film->sampled.size() * sizeof(PixelSums));
+    std::memcpy(static_cast<void*>(film->sampled.data()), sums.data(), sums.size());
+    tile = std::move(film);
+  }
+  if (!decoder.at_end()) damaged("it is longer than it says");
+  return checkpoint;
+}
+
+}  // namespace fogbank::render

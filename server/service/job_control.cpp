@@ -1,0 +1,163 @@
+// The part of Job that others end, hold and interrupt it with, and that brings it into the next life of the
+// server.
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+
+#include "core/sha256.h"
+#include "render/checkpoint.h"
+#include "service/build_id.h"
+#include "service/job.h"
+#include "service/limits.h"
+#include "service/messages.h"
+
+namespace fogbank::service {
+
+namespace {
+
+RpcError shutting_down() {
+  return {grpc::StatusCode::UNAVAILABLE, "SHUTTING_DOWN", "the server is shutting down"};
+}
+
+// What the first checkpoint of a job is expected to take, before one was timed: two syncs and a slow disk.
+constexpr double expected_sync_seconds = 0.02;
+constexpr double expected_bytes_per_second = 2e8;
+constexpr double film_bytes_per_pixel = 48;
+
+}  // namespace
+
+void Job::fail(const RpcError& error) {
+  const std::lock_guard lock(mutex_);
+  if (has_ended(base_.state()) || finishing_ || suspended_) return;
+  if (!failure_) failure_ = error;
+  stop_ = true;
+  interrupt_ = true;
+  if (render_job_) render_job_->cancel();
+  finish_if_idle();
+}
+
+void Job::change_and_store(const std::function<bool()>& change) {
+  const std::lock_guard one_at_a_time(store_mutex_);
+  {
+    const std::lock_guard lock(mutex_);
+    if (has_ended(base_.state()) || finishing_) return;
+    if (suspended_) throw shutting_down();
+    if (!change()) return;
+  }
+  services_.store.put({stored()});
+}
+
+void Job::abandon(const RpcError& why) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!failure_ && !finishing_) failure_is_cancel_ = true;
+  }
+  fail(why);
+}
+
+void Job::cancel(const RpcError& why) {
+  change_and_store([&] {
+    if (base_.has_error() || stop_) return false;
+    *base_.mutable_error() = to_status_message(why);  // what the next life of the server would go by
+    return true;
+  });
+  abandon(why);
+}
+
+void Job::pause() {
+  change_and_store([&] {
+    if (stop_ || paused_) return false;
+    paused_ = true;
+    interrupt_ = true;
+    base_.set_state(v1::JOB_STATE_PAUSED);
+    board_.advance();
+    ++tasks_completed_;  // a change that progress tells of
+    return true;
+  });
+  services_.changed();
+}
+
+void Job::unpause() {
+  change_and_store([&] {
+    if (stop_ || !paused_) return false;
+    paused_ = false;
+    interrupt_ = false;
+    base_.set_state(base_.has_start_time() ? v1::JOB_STATE_RUNNING : v1::JOB_STATE_QUEUED);
+    board_.advance();
+    ++tasks_completed_;  // a change that progress tells of
+    return true;
+  });
+  services_.changed();
+}
+
+void Job::suspend() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (has_ended(base_.state()) || finishing_ || stop_) return;
+    suspended_ = true;
+    interrupt_ = true;
+    finish_if_idle();
+  }
+  services_.changed();
+}
+
+void Job::finish_suspension() {
+  write_checkpoint();
+  services_.suspended(shared_from_this());
+  services_.changed();
+}
+
+std::string Job::checkpoint_identity() const {
+  return sha256(scene_fingerprint_ + build_id() + canonical_bytes(settings_));
+}
+
+void Job::resume_from_checkpoint(render::RenderJob& job) const {
+  std::error_code ignored;
+  if (uses_cache() || !std::filesystem::exists(checkpoint_path(), ignored)) return;
+  try {
+    job.resume(render::read_checkpoint(checkpoint_path(), checkpoint_identity()));
+    spdlog::info("{} goes on after {} passes", base_.name(), job.progress().passes_done);
+  } catch (const Error& error) {
+    spdlog::warn("{} begins again: {}", base_.name(), error.what());
+  }
+}
+
+void Job::checkpoint_if_due() {
+  if (uses_cache() || checkpoint_pending_ || render_job_->ended()) return;
+  const double pixels = static_cast<double>(settings_.crop().width()) * settings_.crop().height();
+  const double expected =
+      std::max(expected_sync_seconds + film_bytes_per_pixel * pixels / expected_bytes_per_second,
+               last_checkpoint_seconds_);
+  if (checkpoint_seconds_ + expected > limits::checkpoint_share * render_cpu_seconds_) return;
+  checkpoint_pending_ = true;
+  services_.writer.post([self = shared_from_this()] { self->write_checkpoint(); });
+}
+
+void Job::write_checkpoint() {
+  std::shared_ptr<render::RenderJob> job;
+  uint32_t passes_before = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    job = render_job_;
+    passes_before = checkpoint_passes_;
+  }
+  const Clock::time_point start = Clock::now();
+  uint32_t passes = passes_before;
+  try {
+    // What rests on records of a cache that the disk doesn't have is not to be continued.
+    const auto checkpoint = job && !uses_cache() ? job->checkpoint() : std::nullopt;
+    if (checkpoint && checkpoint->passes > passes_before) {
+      render::write_checkpoint(checkpoint_path(), *checkpoint, checkpoint_identity());
+      passes = checkpoint->passes;
+    }
+  } catch (const std::exception& error) {
+    spdlog::warn("{}: no checkpoint: {}", base_.name(), error.what());
+  }
+  const std::lock_guard lock(mutex_);
+  checkpoint_pending_ = false;
+  checkpoint_passes_ = passes;
+  last_checkpoint_seconds_ = to_seconds(Clock::now() - start);
+  checkpoint_seconds_ += last_checkpoint_seconds_;
+}
+
+}  // namespace fogbank::service
