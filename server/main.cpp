@@ -53,6 +53,9 @@ int main(int argc, char** argv) {
   std::string data;
   std::string scene_root;
   std::string log_level = "info";
+  std::string tls_certificate;
+  std::string tls_key;
+  std::string tls_client_ca;
   double memory_gib = 0;
   double cache_gib = 0;
 
@@ -76,8 +79,16 @@ int main(int argc, char** argv) {
   app.add_option("--port-file", port_file, "Written when the server is ready: what clients connect to");
   app.add_flag("--exit-with-stdin", exit_with_stdin,
                "Ends when standard input is closed: with the parent process, and its jobs with it");
+  app.add_option("--metrics", options.metrics, "HOST:PORT of loopback: serves /metrics to Prometheus");
+  app.add_option("--tls-certificate", tls_certificate,
+                 "PEM file: encrypts, on any address, and asks every caller for a token");
+  app.add_option("--tls-key", tls_key, "PEM file: the certificate's private key");
+  app.add_option("--tls-client-ca", tls_client_ca,
+                 "PEM file: clients with a certificate that this authority has signed need no token");
+  app.add_flag("--require-tokens", options.require_tokens,
+               "Asks every caller for a token, on loopback and sockets, too");
   app.add_flag("--insecure-any-address", options.insecure_any_address,
-               "Allows to listen on addresses that others can reach; there is no authentication");
+               "Allows addresses that others can reach without TLS and tokens");
   app.add_option("--log-level", log_level, "debug, info, warning, error, off")
       ->check(CLI::IsMember({"debug", "info", "warning", "error", "off"}))
       ->capture_default_str();
@@ -85,6 +96,11 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
 
   options.data = data;
+  if (tls_certificate.empty() != tls_key.empty() || (tls_certificate.empty() && !tls_client_ca.empty())) {
+    std::fputs("fogbankd: error: --tls-certificate, --tls-key and --tls-client-ca belong together\n", stderr);
+    return 1;
+  }
+  options.tls = {.certificate = tls_certificate, .key = tls_key, .client_authority = tls_client_ca};
   options.jobs_outlive_server = !exit_with_stdin;
   if (!scene_root.empty()) options.scene_root = scene_root;
   options.memory_bytes = static_cast<int64_t>(memory_gib * (1 << 30));

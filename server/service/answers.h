@@ -11,9 +11,7 @@
 
 namespace fogbank::service {
 
-inline grpc::Status shutting_down_status() {
-  return to_grpc_status({grpc::StatusCode::UNAVAILABLE, "SHUTTING_DOWN", "the server is shutting down"});
-}
+inline grpc::Status shutting_down_status() { return to_grpc_status(shutting_down()); }
 
 inline grpc::Status status_of(const std::exception_ptr& exception) {
   return to_grpc_status(to_rpc_error(exception));

@@ -70,7 +70,7 @@ void CacheRegistry::make_room(const Entry& but) {
       const bool in_use = entry.cache.use_count() > 1 || &entry == &but;
       if (!in_use && (oldest == nullptr || entry.last_use < oldest->last_use)) oldest = &entry;
     }
-    if (total <= settings_.memory_budget_bytes || oldest == nullptr) return;
+    if (total <= memory_budget_bytes_ || oldest == nullptr) return;
     oldest->cache = nullptr;
     oldest->kept.clear();
   }
@@ -274,6 +274,11 @@ void CacheRegistry::remove(const std::string& transport) {
     std::erase_if(entries_, [&](const auto& item) { return item.second.transport == transport; });
   }
   store_.remove(transport);
+}
+
+void CacheRegistry::set_memory_budget(int64_t bytes) {
+  const std::lock_guard lock(mutex_);
+  memory_budget_bytes_ = bytes;
 }
 
 }  // namespace fogbank::service

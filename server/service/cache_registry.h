@@ -25,11 +25,13 @@ class CacheRegistry {
  public:
   struct Settings {
     std::filesystem::path folder;
-    int64_t memory_budget_bytes = 0;
     int64_t disk_budget_bytes = 0;  ///< 0: no limit
   };
 
   explicit CacheRegistry(Settings settings);
+
+  /// Memory of the caches from the next one on, in bytes; none at first.
+  void set_memory_budget(int64_t bytes);
 
   /// The records of a field, from the disk where they aren't in memory.
   std::shared_ptr<cache::SceneCache> acquire(const scene::FieldIdentity& field);
@@ -88,6 +90,7 @@ class CacheRegistry {
   std::filesystem::path transfer_folder_;
   cache::Store store_;
   mutable std::mutex mutex_;
+  int64_t memory_budget_bytes_ = 0;
   std::map<std::string, Entry> entries_;  ///< by transport fingerprint and emission
   uint64_t use_counter_ = 0;
 };

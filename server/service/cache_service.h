@@ -2,23 +2,15 @@
 #pragma once
 
 #include "fogbank/v1/cache.grpc.pb.h"
-#include "service/fill_stream.h"
+#include "service/scheduling/task_queue.h"
+#include "service/tenants.h"
 
 namespace fogbank::service {
 
 class CacheServiceImplementation final : public v1::CacheService::CallbackService {
  public:
-  /// `control` answers the short calls, `files` what reads much, `pump` serves the FillCache streams and
-  /// nothing else.
-  CacheServiceImplementation(SceneRegistry& scenes, CacheRegistry& caches, BlobStore& blobs,
-                             Scheduler& scheduler, TaskQueue& control, TaskQueue& files, StreamPump& pump)
-      : fill_services_{.scenes = scenes,
-                       .caches = caches,
-                       .scheduler = scheduler,
-                       .control = control,
-                       .pump = pump},
-        blobs_(blobs),
-        files_(files) {}
+  /// `files` does what may take long.
+  CacheServiceImplementation(Tenants& tenants, TaskQueue& files) : tenants_(tenants), files_(files) {}
 
   grpc::ServerUnaryReactor* GetCache(grpc::CallbackServerContext* context, const v1::GetCacheRequest* request,
                                      v1::GetCacheResponse* response) override;
@@ -47,12 +39,8 @@ class CacheServiceImplementation final : public v1::CacheService::CallbackServic
   grpc::ServerWriteReactor<v1::ViewCacheResponse>* ViewCache(grpc::CallbackServerContext* context,
                                                              const v1::ViewCacheRequest* request) override;
 
-  /// Ends all fills, those at whose client a write is waiting excepted, and takes no new ones.
-  void shut_down();
-
  private:
-  FillServices fill_services_;
-  BlobStore& blobs_;
+  Tenants& tenants_;
   TaskQueue& files_;
 };
 

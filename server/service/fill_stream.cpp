@@ -16,10 +16,6 @@ namespace fogbank::service {
 
 namespace {
 
-RpcError shutting_down() {
-  return {grpc::StatusCode::UNAVAILABLE, "SHUTTING_DOWN", "the server is shutting down"};
-}
-
 /// Lives as long as gRPC or the pump needs it. At most one write is outstanding; the stream is finished only
 /// when none is.
 class FillStream final : public grpc::ServerWriteReactor<v1::FillCacheResponse>,
@@ -146,7 +142,7 @@ class FillStream final : public grpc::ServerWriteReactor<v1::FillCacheResponse>,
     field_ = cache::record_field(world->scene(), settings.engine.integrator_settings.max_depth);
     settings.engine.integrator_settings.cache = services_.caches.acquire(field_);
     auto workload = std::make_shared<FillWorkload>(
-        services_.scheduler,
+        services_.scheduler, services_.group,
         std::make_unique<render::FillJob>(world, settings.engine, std::move(settings.cameras)),
         [stream = weak_from_this()] {
           if (const auto self = stream.lock()) self->save();

@@ -20,6 +20,7 @@ struct FillServices {
   Scheduler& scheduler;
   TaskQueue& control;
   StreamPump& pump;  ///< serves FillCache streams and nothing else
+  int group = 0;     ///< in the scheduler
   std::atomic<bool> shutting_down = false;
 };
 

@@ -3,27 +3,33 @@
 
 #include "fogbank/v1/flatland.grpc.pb.h"
 #include "service/flatland_call.h"
+#include "service/tenants.h"
 
 namespace fogbank::service {
 
 class FlatlandServiceImplementation final : public v1::FlatlandService::CallbackService {
  public:
-  FlatlandServiceImplementation(TaskQueue& control, Scheduler& scheduler)
-      : control_(control), scheduler_(scheduler) {}
+  FlatlandServiceImplementation(Tenants& tenants, TaskQueue& control, Scheduler& scheduler)
+      : tenants_(tenants), control_(control), scheduler_(scheduler) {}
 
-  grpc::ServerUnaryReactor* ProbeFlatland(grpc::CallbackServerContext* /*context*/,
+  grpc::ServerUnaryReactor* ProbeFlatland(grpc::CallbackServerContext* context,
                                           const v1::ProbeFlatlandRequest* request,
                                           v1::ProbeFlatlandResponse* response) override {
-    return start_flatland_call(*request, *response, control_, scheduler_);
+    return start_in_tenant<grpc::ServerUnaryReactor>(
+        tenants_, *context, "FlatlandService.ProbeFlatland",
+        [&](Tenant&) { return start_flatland_call(*request, *response, control_, scheduler_); });
   }
 
-  grpc::ServerUnaryReactor* FillFlatlandCache(grpc::CallbackServerContext* /*context*/,
+  grpc::ServerUnaryReactor* FillFlatlandCache(grpc::CallbackServerContext* context,
                                               const v1::FillFlatlandCacheRequest* request,
                                               v1::FillFlatlandCacheResponse* response) override {
-    return start_flatland_call(*request, *response, control_, scheduler_);
+    return start_in_tenant<grpc::ServerUnaryReactor>(
+        tenants_, *context, "FlatlandService.FillFlatlandCache",
+        [&](Tenant&) { return start_flatland_call(*request, *response, control_, scheduler_); });
   }
 
  private:
+  Tenants& tenants_;
   TaskQueue& control_;
   Scheduler& scheduler_;
 };

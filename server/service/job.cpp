@@ -17,11 +17,13 @@
 
 namespace fogbank::service {
 
-using grpc::StatusCode;
-
 namespace {
 
 std::string hash_of(const v1::CreateJobRequest& request) { return sha256(canonical_bytes(request)); }
+
+v1::JobPriority known_priority(v1::JobPriority priority) {
+  return priority == v1::JOB_PRIORITY_UNSPECIFIED ? v1::JOB_PRIORITY_NORMAL : priority;
+}
 
 /// More than a job publishes in one life of the server.
 uint64_t first_revision(int32_t restarts) { return static_cast<uint64_t>(restarts) << 32; }
@@ -41,6 +43,7 @@ Job::Job(const std::string& id, const v1::CreateJobRequest& request, const v1::R
       scene_id_(parse_scene_name(request.scene())),
       services_(services),
       settings_(settings),
+      priority_(known_priority(request.priority())),
       board_(tile_count(settings_), seconds(settings_.update_interval_seconds())) {
   base_.set_name(job_name(id));
   base_.set_scene(request.scene());
@@ -49,8 +52,7 @@ Job::Job(const std::string& id, const v1::CreateJobRequest& request, const v1::R
   *base_.mutable_create_time() = timestamp_now();
   base_.mutable_progress()->set_tiles_total(static_cast<int32_t>(tile_count(settings_)));
   base_.set_request_id(request.request_id());
-  base_.set_priority(request.priority() == v1::JOB_PRIORITY_UNSPECIFIED ? v1::JOB_PRIORITY_NORMAL
-                                                                        : request.priority());
+  base_.set_priority(priority_);
 }
 
 Job::Job(StoredJob stored, JobServices& services)
@@ -60,6 +62,7 @@ Job::Job(StoredJob stored, JobServices& services)
       scene_id_(parse_scene_name(stored.description.scene())),
       services_(services),
       settings_(stored.description.settings()),
+      priority_(known_priority(stored.description.priority())),
       base_(std::move(stored.description)),
       board_(has_ended(base_.state())
                  ? TileBoard::published(tile_count(settings_), base_.revision())
@@ -302,6 +305,11 @@ v1::JobState Job::state() const {
 }
 
 bool Job::ended() const { return has_ended(state()); }
+
+bool Job::active() const {
+  const std::lock_guard lock(mutex_);
+  return render_job_ && !paused_ && !suspended_ && !finishing_ && !has_ended(base_.state());
+}
 
 double Job::rays_per_second() const {
   const std::lock_guard lock(mutex_);

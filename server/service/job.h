@@ -38,6 +38,7 @@ struct JobServices {
   std::function<void()> changed;  ///< watchers may have something to see
   std::function<void(const std::shared_ptr<Job>&)> ended;
   std::function<void(const std::shared_ptr<Job>&)> suspended;
+  int group = 0;                    ///< of the scheduler: whose jobs these are
   std::atomic<uint64_t> tiles = 0;  ///< rendered
 };
 
@@ -89,6 +90,8 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   v1::Job describe() const;
   v1::JobState state() const;
   bool ended() const;
+  /// Has tasks, now or when others have returned.
+  bool active() const;
   double rays_per_second() const;
   std::filesystem::path image_path() const { return services_.folder / (id_ + ".exr"); }
   std::filesystem::path checkpoint_path() const { return services_.folder / (id_ + ".checkpoint"); }
@@ -96,6 +99,8 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   // Workload
   std::function<void()> take() override;
   int max_threads() const override { return settings_.max_threads(); }
+  int group() const override { return services_.group; }
+  int urgency() const override { return static_cast<int>(priority_); }
 
   // Watching. While anybody watches, the job keeps what tiles are made of.
   void attach();
@@ -142,6 +147,7 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   const std::string scene_id_;
   JobServices& services_;
   const v1::RenderSettings settings_;       ///< effective
+  const v1::JobPriority priority_;          ///< never unspecified
   render::RenderSettings engine_settings_;  ///< changes with `start` only
 
   std::mutex store_mutex_;  ///< before `mutex_`: rows are stored in the order in which the job changes

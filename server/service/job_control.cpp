@@ -15,10 +15,6 @@ namespace fogbank::service {
 
 namespace {
 
-RpcError shutting_down() {
-  return {grpc::StatusCode::UNAVAILABLE, "SHUTTING_DOWN", "the server is shutting down"};
-}
-
 // What the first checkpoint of a job is expected to take, before one was timed: two syncs and a slow disk.
 constexpr double expected_sync_seconds = 0.02;
 constexpr double expected_bytes_per_second = 2e8;

@@ -18,85 +18,46 @@ using grpc::StatusCode;
 
 namespace {
 
-RpcError shutting_down() { return {StatusCode::UNAVAILABLE, "SHUTTING_DOWN", "the server is shutting down"}; }
-
-const fs::path& made(const fs::path& folder) {
+/// Of the database, in a folder that is made if absent.
+fs::path database_in(const fs::path& folder) {
   fs::create_directories(folder);
-  return folder;
+  return folder / "jobs.sqlite";
+}
+
+void add(JobTable::Totals& totals, const v1::Progress& progress) {
+  totals.rays += progress.rays();
+  totals.records_new += progress.records_new();
+  totals.records_reused += progress.records_reused();
 }
 
 }  // namespace
 
 JobTable::JobTable(Settings settings, SceneRegistry& scenes, CacheRegistry& caches, BlobStore& blobs,
-                   Scheduler& scheduler, TaskQueue& writer, std::function<void()> changed)
+                   Scheduler& scheduler, TaskQueue& writer, FilmBudget& films,
+                   std::function<void()> films_freed, std::function<void()> changed)
     : settings_(std::move(settings)),
       scenes_(scenes),
       caches_(caches),
       blobs_(blobs),
       scheduler_(scheduler),
-      store_(made(settings_.folder) / "jobs.sqlite"),
+      films_(films),
+      films_freed_(std::move(films_freed)),
+      store_(database_in(settings_.folder)),
       services_{.store = store_,
                 .folder = settings_.folder,
                 .writer = writer,
                 .changed = std::move(changed),
                 .ended = [this](const std::shared_ptr<Job>& job) { on_stopped(job); },
-                .suspended = [this](const std::shared_ptr<Job>& job) { on_stopped(job); }} {
+                .suspended = [this](const std::shared_ptr<Job>& job) { on_stopped(job); },
+                .group = settings_.group} {
   restore();
-}
-
-void JobTable::restore() {
-  std::vector<StoredJob> changed;
-  for (StoredJob& row : store_.load()) {
-    try {
-      const bool had_ended = has_ended(row.description.state());
-      const auto job = std::make_shared<Job>(std::move(row), services_);
-      id_by_request_[job->request_id()] = job->id();
-      jobs_.emplace(job->id(), job);
-      if (!had_ended) changed.push_back(job->stored());
-      if (!job->ended()) waiting_.push_back(job);
-    } catch (const std::exception& error) {
-      spdlog::error("a job of an earlier life is passed over: {}", error.what());
-    }
-  }
-  // In one transaction, before anybody can be told a revision of this life.
-  store_.put(changed);
-  if (store_.complete()) remove_orphans();
-}
-
-void JobTable::remove_orphans() const {
-  for (const auto& file : fs::directory_iterator(settings_.folder)) {
-    const fs::path& path = file.path();
-    const bool ours = path.extension() == ".exr" || path.extension() == ".checkpoint";
-    const auto job = jobs_.find(path.stem());
-    const bool wanted = ours && job != jobs_.end() && (path.extension() == ".exr" || !job->second->ended());
-    std::error_code ignored;
-    if ((ours && !wanted) || path.extension() == ".tmp") fs::remove(path, ignored);
-  }
-}
-
-void JobTable::resume() {
-  std::deque<std::shared_ptr<Job>> jobs;
-  {
-    const std::lock_guard lock(mutex_);
-    jobs = waiting_;
-  }
-  const RpcError why(StatusCode::ABORTED, "SERVER_RESTARTED",
-                     "the server, which a client had started for itself, ended before the job");
-  for (const std::shared_ptr<Job>& job : jobs) {
-    if (!settings_.jobs_outlive_server) {
-      job->abandon(why);
-    } else if (job->film_bytes() > settings_.film_budget_bytes) {
-      job->fail(too_large(*job));
-    }
-  }
-  admit();
 }
 
 RpcError JobTable::too_large(const Job& job) const {
   return {StatusCode::RESOURCE_EXHAUSTED,
           "IMAGE_TOO_LARGE",
           "the film needs " + std::to_string(job.film_bytes()) + " bytes of memory; this server has " +
-              std::to_string(settings_.film_budget_bytes) + " for films",
+              std::to_string(films_.total()) + " for films",
           {{"field", "settings.crop"}}};
 }
 
@@ -151,7 +112,7 @@ std::shared_ptr<Job> JobTable::make_job(const v1::CreateJobRequest& request, con
     caches_.at_epoch(cache::record_field(scene, settings.effective.max_depth()), settings.effective.epoch());
   }
   auto job = std::make_shared<Job>(new_job_id(), request, settings.effective, services_);
-  if (job->film_bytes() > settings_.film_budget_bytes) throw too_large(*job);
+  if (job->film_bytes() > films_.total()) throw too_large(*job);
   store_.put({job->stored()});
   return job;
 }
@@ -193,7 +154,7 @@ void JobTable::admit() {
     while (!waiting_.empty()) {
       const std::shared_ptr<Job>& job = waiting_.front();
       if (!job->ended()) {
-        if (active_film_bytes_ + job->film_bytes() > settings_.film_budget_bytes) break;
+        if (!films_.take(job->film_bytes())) break;
         active_film_bytes_ += job->film_bytes();
         active_.emplace(job->id(), job);
         admitted.push_back(job);
@@ -224,9 +185,7 @@ void JobTable::start(const std::shared_ptr<Job>& job) {
                         job->fail(to_rpc_error(std::current_exception()));
                         return;
                       }
-                      scheduler_.add(job);
-                      // Should it have ended before it was added, its end found nothing to remove.
-                      if (job->ended()) scheduler_.remove(*job);
+                      schedule(job);
                     });
   } catch (...) {
     job->fail(to_rpc_error(std::current_exception()));
@@ -250,43 +209,33 @@ void JobTable::on_stopped(const std::shared_ptr<Job>& job) {
   const v1::Job description = job->describe();
   {
     const std::lock_guard lock(mutex_);
-    if (active_.erase(job->id()) != 0) active_film_bytes_ -= job->film_bytes();
+    if (active_.erase(job->id()) != 0) {
+      active_film_bytes_ -= job->film_bytes();
+      films_.give_back(job->film_bytes());
+    }
     std::erase(waiting_, job);
     load_seconds_.erase(job->id());
-    ended_rays_ += description.progress().rays();
+    add(ended_, description.progress());
     if (description.state() == v1::JOB_STATE_FAILED) ++failures_[reason_of(description.error())];
   }
-  admit();
+  films_freed_();
 }
 
-void JobTable::forget_old() {
-  std::vector<std::shared_ptr<Job>> forgotten;
-  {
-    const std::lock_guard lock(mutex_);
-    const size_t unfinished = waiting_.size() + active_.size();
-    const auto limit = static_cast<size_t>(limits::max_kept_jobs);
-    for (auto it = jobs_.begin(); it != jobs_.end() && jobs_.size() - unfinished > limit;) {
-      if (!it->second->ended()) {
-        ++it;
-        continue;
-      }
-      id_by_request_.erase(it->second->request_id());
-      forgotten.push_back(std::move(it->second));
-      it = jobs_.erase(it);
-    }
-  }
-  std::vector<std::string> names;
-  for (const std::shared_ptr<Job>& job : forgotten) names.push_back(job_name(job->id()));
-  try {
-    store_.remove(names);
-  } catch (const std::exception& error) {
-    spdlog::warn("old jobs come back with the next start: {}", error.what());
-    return;
-  }
-  for (const std::shared_ptr<Job>& job : forgotten) {
-    std::error_code ignored;
-    fs::remove(job->image_path(), ignored);
-  }
+void JobTable::schedule(const std::shared_ptr<Job>& job) {
+  scheduler_.add(job);
+  // Should it have ended before it was added, its end found nothing to remove.
+  if (!job->active()) scheduler_.remove(*job);
+}
+
+void JobTable::pause(const std::shared_ptr<Job>& job) {
+  job->pause();
+  // Else it would be owed the time that others have meanwhile.
+  if (!job->active()) scheduler_.remove(*job);
+}
+
+void JobTable::unpause(const std::shared_ptr<Job>& job) {
+  job->unpause();
+  if (job->active()) schedule(job);
 }
 
 std::shared_ptr<Job> JobTable::find(const std::string& id) const {
@@ -331,36 +280,6 @@ v1::ListJobsResponse JobTable::list(const v1::ListJobsRequest& request) const {
   return response;
 }
 
-void JobTable::shut_down() {
-  std::vector<std::shared_ptr<Job>> jobs;
-  {
-    const std::lock_guard lock(mutex_);
-    shut_down_ = true;
-    jobs.assign(waiting_.begin(), waiting_.end());
-    for (const auto& [id, job] : active_) jobs.push_back(job);
-  }
-  for (const std::shared_ptr<Job>& job : jobs) stop(*job);
-}
-
-void JobTable::stop(Job& job) const {
-  if (settings_.jobs_outlive_server) {
-    job.suspend();
-  } else {
-    job.abandon(shutting_down());
-  }
-}
-
-std::set<std::string> JobTable::blobs_in_use() const {
-  std::set<std::string> blobs;
-  const std::lock_guard lock(mutex_);
-  const auto add = [&](const Job& job) {
-    if (const std::string& sha256 = job.settings().reference_sha256(); !sha256.empty()) blobs.insert(sha256);
-  };
-  for (const std::shared_ptr<Job>& job : waiting_) add(*job);
-  for (const auto& [id, job] : active_) add(*job);
-  return blobs;
-}
-
 size_t JobTable::unfinished() const {
   const std::lock_guard lock(mutex_);
   return waiting_.size() + active_.size() + creating_.size();
@@ -394,11 +313,11 @@ JobTable::Counts JobTable::counts() const {
   return counts;
 }
 
-uint64_t JobTable::rays() const {
+JobTable::Totals JobTable::totals() const {
   const std::lock_guard lock(mutex_);
-  uint64_t rays = ended_rays_;
-  for (const auto& [id, job] : active_) rays += job->describe().progress().rays();
-  return rays;
+  Totals totals = ended_;
+  for (const auto& [id, job] : active_) add(totals, job->describe().progress());
+  return totals;
 }
 
 int64_t JobTable::film_bytes() const {

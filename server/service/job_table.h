@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "service/cache_registry.h"
+#include "service/film_budget.h"
 #include "service/job.h"
 #include "service/scene_registry.h"
 
@@ -25,14 +26,15 @@ class JobTable {
  public:
   struct Settings {
     std::filesystem::path folder;
-    int64_t film_budget_bytes = 0;
+    int group = 0;  ///< in the scheduler
     bool jobs_outlive_server =
         false;  ///< else they are cancelled with the server, and found dead after a crash
   };
 
   /// Reads `folder`; what is damaged there is passed over with a log line. Throws as JobStore.
   JobTable(Settings settings, SceneRegistry& scenes, CacheRegistry& caches, BlobStore& blobs,
-           Scheduler& scheduler, TaskQueue& writer, std::function<void()> changed);
+           Scheduler& scheduler, TaskQueue& writer, FilmBudget& films, std::function<void()> films_freed,
+           std::function<void()> changed);
 
   /// Either the job or the error is set.
   using Created = std::function<void(std::shared_ptr<Job> job, std::exception_ptr error)>;
@@ -46,8 +48,11 @@ class JobTable {
   /// Throws RpcError INVALID_PAGE_SIZE, INVALID_PAGE_TOKEN.
   v1::ListJobsResponse list(const v1::ListJobsRequest& request) const;
 
-  /// A job that had no tasks has some again.
-  void wake() { scheduler_.wake(); }
+  /// As Job::pause and Job::unpause.
+  void pause(const std::shared_ptr<Job>& job);
+  void unpause(const std::shared_ptr<Job>& job);
+  /// Starts waiting jobs for which there is memory.
+  void admit();
   /// Goes on with the jobs that an earlier life of the server has left, or cancels them.
   void resume();
   /// SHA-256 of the blobs that unfinished jobs need.
@@ -68,8 +73,13 @@ class JobTable {
     double rays_per_second = 0;
   };
   Counts counts() const;
-  /// Rays of all jobs that ended since the start and of those that run.
-  uint64_t rays() const;
+  struct Totals {
+    uint64_t rays = 0;
+    uint64_t records_new = 0;
+    uint64_t records_reused = 0;
+  };
+  /// Of all jobs that ended since the start and of those that run.
+  Totals totals() const;
   uint64_t tiles() const { return services_.tiles; }
   /// Memory of the films of the jobs that are admitted.
   int64_t film_bytes() const;
@@ -91,9 +101,9 @@ class JobTable {
   void finish_creation(const v1::CreateJobRequest& request,
                        const std::shared_ptr<const transport::World>& world, double load_seconds,
                        std::exception_ptr error);
-  /// Starts waiting jobs for which there is memory.
-  void admit();
   void start(const std::shared_ptr<Job>& job);
+  /// Its tasks can be taken.
+  void schedule(const std::shared_ptr<Job>& job);
   /// Ended or suspended.
   void on_stopped(const std::shared_ptr<Job>& job);
   /// Suspends or cancels.
@@ -106,6 +116,8 @@ class JobTable {
   CacheRegistry& caches_;
   BlobStore& blobs_;
   Scheduler& scheduler_;
+  FilmBudget& films_;
+  const std::function<void()> films_freed_;
   JobStore store_;
   JobServices services_;
   mutable std::mutex mutex_;
@@ -117,7 +129,7 @@ class JobTable {
   std::map<std::string, std::shared_ptr<Job>> active_;  ///< admitted and not ended
   int64_t active_film_bytes_ = 0;
   bool shut_down_ = false;
-  uint64_t ended_rays_ = 0;
+  Totals ended_;
   std::map<std::string, uint64_t> failures_;
 };
 

@@ -40,8 +40,7 @@ Job::NextEvent Job::next_event(WatchCursor& cursor) {
   uint32_t tile = 0;
   {
     const std::lock_guard lock(mutex_);
-    if (suspended_ && !has_ended(base_.state()))
-      throw RpcError(grpc::StatusCode::UNAVAILABLE, "SHUTTING_DOWN", "the server is shutting down");
+    if (suspended_ && !has_ended(base_.state())) throw shutting_down();
     const Clock::time_point now = Clock::now();
     publish_tiles(now);
     const WatchCursor::Decision decision = cursor.next({.board = board_,

@@ -72,6 +72,8 @@ std::span<const Entry> table() {
        "a watcher that reads nothing for so long is disconnected"},
       {"streaming_share", streaming_share, "share of render CPU time",
        "what encoding intermediate tiles may cost; above it they wait"},
+      {"certificate_reload_seconds", certificate_reload_seconds, "seconds",
+       "a renewed certificate of the server counts after this"},
       {"drain_seconds", drain_seconds, "seconds", "given to watchers for their last event at shutdown"},
   };
   return entries;

@@ -94,6 +94,9 @@ inline constexpr double streaming_share = 0.02;
 inline constexpr double drain_seconds = 5;
 inline constexpr double shutdown_seconds = 2;
 
+// Certificates and keys are read again so often.
+inline constexpr double certificate_reload_seconds = 5;
+
 struct Entry {
   const char* name;
   double value;

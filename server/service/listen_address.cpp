@@ -44,8 +44,10 @@ ListenAddress check_listen_address(const std::string& text, bool any_address) {
   if (!any_address && !is_loopback(host)) {
     throw OptionError(
         "--listen: " + host +
-        " can be reached by others, and there is no authentication; listen on 127.0.0.1 or a unix "
-        "socket, or say --insecure-any-address to allow everybody everything");
+        " can be reached by others; give a certificate (--tls-certificate, --tls-key; `fogbank tls init` "
+        "makes "
+        "them), listen on 127.0.0.1 or a unix socket, or say --insecure-any-address to allow everybody "
+        "everything");
   }
   return {.target = text, .host = host, .is_network = true};
 }

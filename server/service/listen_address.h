@@ -12,8 +12,8 @@ struct ListenAddress {
 };
 
 /// Takes HOST:PORT, [IPV6]:PORT or unix:PATH apart. Throws OptionError when it is none of these, and when the
-/// host is not loopback and `any_address` is false: there is no authentication, so whoever reaches the port
-/// can use the server.
+/// host is not loopback and `any_address` is false: whoever reaches the port in the clear could use the
+/// server or read along.
 ListenAddress check_listen_address(const std::string& text, bool any_address);
 
 }  // namespace fogbank::service

@@ -166,8 +166,7 @@ class ProbeStream final : public ProbeReactor,
   }
 
   void advance(News& news, bool half_closed) {
-    if (services_.shutting_down)
-      throw RpcError(StatusCode::UNAVAILABLE, "SHUTTING_DOWN", "the server is shutting down");
+    if (services_.shutting_down) throw shutting_down();
     if (news.load_error) std::rethrow_exception(news.load_error);
     if (news.message) take_message();
     if (half_closed && !header_seen_) throw invalid_probe("there was no header");
@@ -207,7 +206,7 @@ class ProbeStream final : public ProbeReactor,
         answer(nullptr, std::current_exception());
       }
     });
-    if (!posted) throw RpcError(StatusCode::UNAVAILABLE, "SHUTTING_DOWN", "the server is shutting down");
+    if (!posted) throw shutting_down();
   }
 
   void begin(std::shared_ptr<const transport::World> world) {
@@ -220,7 +219,7 @@ class ProbeStream final : public ProbeReactor,
     };
     *started.mutable_settings() = std::move(resolved.effective);
     workload_ = std::make_shared<ProbeWorkload>(
-        services_.scheduler,
+        services_.scheduler, services_.group,
         std::make_unique<render::ProbeJob>(std::move(world), resolved.engine, std::move(make)),
         [stream = weak_from_this(), &pump = services_.pump] {
           if (const auto self = stream.lock()) pump.ready(self);

@@ -19,6 +19,7 @@ struct ProbeServices {
   Scheduler& scheduler;  ///< computes
   TaskQueue& control;    ///< asks for scenes
   StreamPump& pump;      ///< reads, checks and writes messages; of the probes alone
+  int group = 0;         ///< in the scheduler
   std::atomic<bool> shutting_down = false;
 };
 

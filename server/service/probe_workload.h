@@ -16,8 +16,9 @@ namespace fogbank::service {
 class ProbeWorkload : public Workload, public std::enable_shared_from_this<ProbeWorkload> {
  public:
   /// `changed`, called by render threads without any lock held: the job has results, or failed.
-  ProbeWorkload(Scheduler& scheduler, std::unique_ptr<render::ProbeJob> job, std::function<void()> changed)
-      : scheduler_(scheduler), job_(std::move(job)), changed_(std::move(changed)) {}
+  ProbeWorkload(Scheduler& scheduler, int group, std::unique_ptr<render::ProbeJob> job,
+                std::function<void()> changed)
+      : scheduler_(scheduler), group_(group), job_(std::move(job)), changed_(std::move(changed)) {}
 
   render::ProbeJob& job() { return *job_; }
   const render::ProbeJob& job() const { return *job_; }
@@ -26,6 +27,7 @@ class ProbeWorkload : public Workload, public std::enable_shared_from_this<Probe
 
   // Workload
   std::function<void()> take() override;
+  int group() const override { return group_; }
 
  private:
   void run();
@@ -33,6 +35,7 @@ class ProbeWorkload : public Workload, public std::enable_shared_from_this<Probe
   void update();
 
   Scheduler& scheduler_;
+  const int group_;
   const std::unique_ptr<render::ProbeJob> job_;
   const std::function<void()> changed_;
   std::mutex mutex_;  ///< never held by `take`, which runs with the scheduler's lock held

@@ -10,37 +10,44 @@ namespace fogbank::service {
 grpc::ServerUnaryReactor* RenderServiceImplementation::CreateJob(grpc::CallbackServerContext* context,
                                                                  const v1::CreateJobRequest* request,
                                                                  v1::CreateJobResponse* response) {
-  return answer_later(context, control_, [this, request, response](grpc::ServerUnaryReactor* reactor) {
-    jobs_.create(*request, [response, reactor](const std::shared_ptr<Job>& job, std::exception_ptr error) {
-      if (error) {
-        reactor->Finish(status_of(error));
-        return;
-      }
-      *response->mutable_job() = job->describe();
-      reactor->Finish(grpc::Status::OK);
-    });
-  });
+  return answer_later(
+      context, control_, [this, context, request, response](grpc::ServerUnaryReactor* reactor) {
+        tenants_.enter(*context, "RenderService.CreateJob")
+            .jobs.create(*request,
+                         [response, reactor](const std::shared_ptr<Job>& job, std::exception_ptr error) {
+                           if (error) {
+                             reactor->Finish(status_of(error));
+                             return;
+                           }
+                           *response->mutable_job() = job->describe();
+                           reactor->Finish(grpc::Status::OK);
+                         });
+      });
 }
 
 grpc::ServerUnaryReactor* RenderServiceImplementation::GetJob(grpc::CallbackServerContext* context,
                                                               const v1::GetJobRequest* request,
                                                               v1::GetJobResponse* response) {
-  return answer(context, control_, [this, request, response] {
-    *response->mutable_job() = jobs_.find(parse_job_name(request->name()))->describe();
+  return answer(context, control_, [this, context, request, response] {
+    const JobTable& jobs = tenants_.enter(*context, "RenderService.GetJob").jobs;
+    *response->mutable_job() = jobs.find(parse_job_name(request->name()))->describe();
   });
 }
 
 grpc::ServerUnaryReactor* RenderServiceImplementation::ListJobs(grpc::CallbackServerContext* context,
                                                                 const v1::ListJobsRequest* request,
                                                                 v1::ListJobsResponse* response) {
-  return answer(context, control_, [this, request, response] { *response = jobs_.list(*request); });
+  return answer(context, control_, [this, context, request, response] {
+    *response = tenants_.enter(*context, "RenderService.ListJobs").jobs.list(*request);
+  });
 }
 
 grpc::ServerUnaryReactor* RenderServiceImplementation::CancelJob(grpc::CallbackServerContext* context,
                                                                  const v1::CancelJobRequest* request,
                                                                  v1::CancelJobResponse* response) {
-  return answer(context, control_, [this, request, response] {
-    const std::shared_ptr<Job> job = jobs_.find(parse_job_name(request->name()));
+  return answer(context, control_, [this, context, request, response] {
+    const JobTable& jobs = tenants_.enter(*context, "RenderService.CancelJob").jobs;
+    const std::shared_ptr<Job> job = jobs.find(parse_job_name(request->name()));
     job->cancel({grpc::StatusCode::CANCELLED, "JOB_CANCELLED", "the job was cancelled"});
     *response->mutable_job() = job->describe();
   });
@@ -49,9 +56,10 @@ grpc::ServerUnaryReactor* RenderServiceImplementation::CancelJob(grpc::CallbackS
 grpc::ServerUnaryReactor* RenderServiceImplementation::PauseJob(grpc::CallbackServerContext* context,
                                                                 const v1::PauseJobRequest* request,
                                                                 v1::PauseJobResponse* response) {
-  return answer(context, control_, [this, request, response] {
-    const std::shared_ptr<Job> job = jobs_.find(parse_job_name(request->name()));
-    job->pause();
+  return answer(context, control_, [this, context, request, response] {
+    JobTable& jobs = tenants_.enter(*context, "RenderService.PauseJob").jobs;
+    const std::shared_ptr<Job> job = jobs.find(parse_job_name(request->name()));
+    jobs.pause(job);
     *response->mutable_job() = job->describe();
   });
 }
@@ -59,22 +67,28 @@ grpc::ServerUnaryReactor* RenderServiceImplementation::PauseJob(grpc::CallbackSe
 grpc::ServerUnaryReactor* RenderServiceImplementation::ResumeJob(grpc::CallbackServerContext* context,
                                                                  const v1::ResumeJobRequest* request,
                                                                  v1::ResumeJobResponse* response) {
-  return answer(context, control_, [this, request, response] {
-    const std::shared_ptr<Job> job = jobs_.find(parse_job_name(request->name()));
-    job->unpause();
-    jobs_.wake();
+  return answer(context, control_, [this, context, request, response] {
+    JobTable& jobs = tenants_.enter(*context, "RenderService.ResumeJob").jobs;
+    const std::shared_ptr<Job> job = jobs.find(parse_job_name(request->name()));
+    jobs.unpause(job);
     *response->mutable_job() = job->describe();
   });
 }
 
 grpc::ServerWriteReactor<v1::WatchJobResponse>* RenderServiceImplementation::WatchJob(
     grpc::CallbackServerContext* context, const v1::WatchJobRequest* request) {
-  return start_watch(*context, *request, jobs_, pump_);
+  using Reactor = grpc::ServerWriteReactor<v1::WatchJobResponse>;
+  return start_in_tenant<Reactor>(tenants_, *context, "RenderService.WatchJob", [&](Tenant& tenant) {
+    return start_watch(*context, *request, tenant.jobs, tenant.pump);
+  });
 }
 
 grpc::ServerWriteReactor<v1::DownloadImageResponse>* RenderServiceImplementation::DownloadImage(
-    grpc::CallbackServerContext*, const v1::DownloadImageRequest* request) {
-  return start_download(*request, jobs_, downloads_);
+    grpc::CallbackServerContext* context, const v1::DownloadImageRequest* request) {
+  using Reactor = grpc::ServerWriteReactor<v1::DownloadImageResponse>;
+  return start_in_tenant<Reactor>(tenants_, *context, "RenderService.DownloadImage", [&](Tenant& tenant) {
+    return start_download(*request, tenant.jobs, downloads_);
+  });
 }
 
 }  // namespace fogbank::service

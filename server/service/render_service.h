@@ -2,17 +2,16 @@
 #pragma once
 
 #include "fogbank/v1/render.grpc.pb.h"
-#include "service/job_table.h"
 #include "service/scheduling/task_queue.h"
-#include "service/stream_pump.h"
+#include "service/tenants.h"
 
 namespace fogbank::service {
 
 class RenderServiceImplementation final : public v1::RenderService::CallbackService {
  public:
-  /// `control` answers the short calls, `downloads` reads images, `pump` feeds the watchers.
-  RenderServiceImplementation(JobTable& jobs, TaskQueue& control, TaskQueue& downloads, StreamPump& pump)
-      : jobs_(jobs), control_(control), downloads_(downloads), pump_(pump) {}
+  /// `control` answers the short calls, `downloads` reads images.
+  RenderServiceImplementation(Tenants& tenants, TaskQueue& control, TaskQueue& downloads)
+      : tenants_(tenants), control_(control), downloads_(downloads) {}
 
   grpc::ServerUnaryReactor* CreateJob(grpc::CallbackServerContext* context,
                                       const v1::CreateJobRequest* request,
@@ -35,10 +34,9 @@ class RenderServiceImplementation final : public v1::RenderService::CallbackServ
       grpc::CallbackServerContext* context, const v1::DownloadImageRequest* request) override;
 
  private:
-  JobTable& jobs_;
+  Tenants& tenants_;
   TaskQueue& control_;
   TaskQueue& downloads_;
-  StreamPump& pump_;
 };
 
 }  // namespace fogbank::service

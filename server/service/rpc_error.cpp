@@ -71,6 +71,10 @@ std::string presentable(const std::string& text, size_t limit) {
 
 }  // namespace
 
+RpcError shutting_down() {
+  return {grpc::StatusCode::UNAVAILABLE, "SHUTTING_DOWN", "the server is shutting down"};
+}
+
 RpcError to_rpc_error(const std::exception_ptr& exception) {
   try {
     std::rethrow_exception(exception);

@@ -41,6 +41,9 @@ class RpcError : public std::runtime_error {
   Metadata metadata_;
 };
 
+/// What calls are answered, and streams ended with, while the server ends.
+RpcError shutting_down();
+
 /// Any exception as an RpcError: the engine's errors keep their reason, a SceneError brings file, line and
 /// element as metadata; everything that is not a typed error is INTERNAL_ERROR.
 RpcError to_rpc_error(const std::exception_ptr& exception);

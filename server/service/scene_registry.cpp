@@ -33,8 +33,6 @@ std::string source_key(const v1::CreateSceneRequest& request) {
   return sha256(canonical_bytes(source));
 }
 
-RpcError shutting_down() { return {StatusCode::UNAVAILABLE, "SHUTTING_DOWN", "the server is shutting down"}; }
-
 RpcError not_found(const std::string& id) {
   return {
       StatusCode::NOT_FOUND, "SCENE_NOT_FOUND", "there is no " + scene_name(id), {{"name", scene_name(id)}}};
@@ -232,7 +230,7 @@ std::vector<std::shared_ptr<const transport::World>> SceneRegistry::keep(
   for (const auto& [id, other] : scenes_) {
     if (other.world) total += other.description.statistics().memory_bytes();
   }
-  while (total > settings_.memory_budget_bytes) {
+  while (total > memory_budget_bytes_) {
     Entry* oldest = nullptr;
     for (auto& [id, other] : scenes_) {
       if (other.world && id != loaded.id && (oldest == nullptr || other.last_use < oldest->last_use))
@@ -328,6 +326,11 @@ SceneRegistry::Counts SceneRegistry::counts() const {
     counts.resident_bytes += entry.description.statistics().memory_bytes();
   }
   return counts;
+}
+
+void SceneRegistry::set_memory_budget(int64_t bytes) {
+  const std::lock_guard lock(mutex_);
+  memory_budget_bytes_ = bytes;
 }
 
 }  // namespace fogbank::service

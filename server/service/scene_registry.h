@@ -29,11 +29,13 @@ class SceneRegistry {
   struct Settings {
     std::filesystem::path folder;
     std::optional<std::filesystem::path> scene_root;
-    int64_t memory_budget_bytes = 0;
   };
 
   /// Reads `folder`; what is damaged there is passed over with a log line.
   SceneRegistry(Settings settings, BlobStore& blobs, TaskQueue& loader);
+
+  /// Memory of the scenes from the next one on, in bytes; none at first.
+  void set_memory_budget(int64_t bytes);
 
   /// Either the scene or the error is set.
   using Created = std::function<void(const v1::Scene& scene, bool already_loaded, std::exception_ptr error)>;
@@ -97,6 +99,7 @@ class SceneRegistry {
   BlobStore& blobs_;
   TaskQueue& loader_;
   mutable std::mutex mutex_;
+  int64_t memory_budget_bytes_ = 0;
   std::map<std::string, Entry> scenes_;
   std::map<std::string, std::string> id_by_source_;       ///< uploaded scenes, by the key of their source
   std::map<std::string, std::string> source_by_request_;  ///< request id -> key of its source

@@ -79,62 +79,75 @@ class UploadReactor final : public grpc::ServerReadReactor<v1::UploadBlobRequest
 grpc::ServerUnaryReactor* SceneServiceImplementation::PrepareScene(grpc::CallbackServerContext* context,
                                                                    const v1::PrepareSceneRequest* request,
                                                                    v1::PrepareSceneResponse* response) {
-  return answer(context, control_,
-                [this, request, response] { *response = find_missing(request->manifest(), blobs_); });
+  return answer(context, control_, [this, context, request, response] {
+    Tenant& tenant = tenants_.enter(*context, "SceneService.PrepareScene");
+    *response = find_missing(request->manifest(), tenant.blobs);
+  });
 }
 
 grpc::ServerUnaryReactor* SceneServiceImplementation::QueryBlob(grpc::CallbackServerContext* context,
                                                                 const v1::QueryBlobRequest* request,
                                                                 v1::QueryBlobResponse* response) {
-  return answer(context, control_, [this, request, response] {
-    const BlobStore::Presence presence = blobs_.query(request->sha256());
+  return answer(context, control_, [this, context, request, response] {
+    BlobStore& blobs = tenants_.enter(*context, "SceneService.QueryBlob").blobs;
+    const BlobStore::Presence presence = blobs.query(request->sha256());
     response->set_committed_size(presence.committed_size);
     response->set_complete(presence.complete);
   });
 }
 
 grpc::ServerReadReactor<v1::UploadBlobRequest>* SceneServiceImplementation::UploadBlob(
-    grpc::CallbackServerContext*, v1::UploadBlobResponse* response) {
-  return new UploadReactor(blobs_, uploads_, *response);  // deletes itself when done
+    grpc::CallbackServerContext* context, v1::UploadBlobResponse* response) {
+  using Reactor = grpc::ServerReadReactor<v1::UploadBlobRequest>;
+  return start_in_tenant<Reactor>(tenants_, *context, "SceneService.UploadBlob", [&](Tenant& tenant) {
+    return new UploadReactor(tenant.blobs, uploads_, *response);  // deletes itself when done
+  });
 }
 
 grpc::ServerUnaryReactor* SceneServiceImplementation::CreateScene(grpc::CallbackServerContext* context,
                                                                   const v1::CreateSceneRequest* request,
                                                                   v1::CreateSceneResponse* response) {
-  return answer_later(context, control_, [this, request, response](grpc::ServerUnaryReactor* reactor) {
-    scenes_.create(
-        *request, [response, reactor](const v1::Scene& scene, bool already_loaded, std::exception_ptr error) {
-          if (error) {
-            reactor->Finish(status_of(error));
-            return;
-          }
-          *response->mutable_scene() = scene;
-          response->set_already_loaded(already_loaded);
-          reactor->Finish(grpc::Status::OK);
-        });
-  });
+  return answer_later(
+      context, control_, [this, context, request, response](grpc::ServerUnaryReactor* reactor) {
+        tenants_.enter(*context, "SceneService.CreateScene")
+            .scenes.create(*request, [response, reactor](const v1::Scene& scene, bool already_loaded,
+                                                         std::exception_ptr error) {
+              if (error) {
+                reactor->Finish(status_of(error));
+                return;
+              }
+              *response->mutable_scene() = scene;
+              response->set_already_loaded(already_loaded);
+              reactor->Finish(grpc::Status::OK);
+            });
+      });
 }
 
 grpc::ServerUnaryReactor* SceneServiceImplementation::GetScene(grpc::CallbackServerContext* context,
                                                                const v1::GetSceneRequest* request,
                                                                v1::GetSceneResponse* response) {
-  return answer(context, control_, [this, request, response] {
-    *response->mutable_scene() = scenes_.get(parse_scene_name(request->name()));
+  return answer(context, control_, [this, context, request, response] {
+    const SceneRegistry& scenes = tenants_.enter(*context, "SceneService.GetScene").scenes;
+    *response->mutable_scene() = scenes.get(parse_scene_name(request->name()));
   });
 }
 
 grpc::ServerUnaryReactor* SceneServiceImplementation::ListScenes(grpc::CallbackServerContext* context,
                                                                  const v1::ListScenesRequest* request,
                                                                  v1::ListScenesResponse* response) {
-  return answer(context, control_, [this, request, response] {
-    *response = scenes_.list(request->page_size(), request->page_token());
+  return answer(context, control_, [this, context, request, response] {
+    const SceneRegistry& scenes = tenants_.enter(*context, "SceneService.ListScenes").scenes;
+    *response = scenes.list(request->page_size(), request->page_token());
   });
 }
 
 grpc::ServerUnaryReactor* SceneServiceImplementation::DeleteScene(grpc::CallbackServerContext* context,
                                                                   const v1::DeleteSceneRequest* request,
                                                                   v1::DeleteSceneResponse*) {
-  return answer(context, control_, [this, request] { scenes_.remove(parse_scene_name(request->name())); });
+  return answer(context, control_, [this, context, request] {
+    SceneRegistry& scenes = tenants_.enter(*context, "SceneService.DeleteScene").scenes;
+    scenes.remove(parse_scene_name(request->name()));
+  });
 }
 
 }  // namespace fogbank::service

@@ -2,17 +2,16 @@
 #pragma once
 
 #include "fogbank/v1/scene.grpc.pb.h"
-#include "service/blob_store.h"
-#include "service/scene_registry.h"
 #include "service/scheduling/task_queue.h"
+#include "service/tenants.h"
 
 namespace fogbank::service {
 
 class SceneServiceImplementation final : public v1::SceneService::CallbackService {
  public:
   /// `control` answers the short calls, `uploads` writes blobs.
-  SceneServiceImplementation(SceneRegistry& scenes, BlobStore& blobs, TaskQueue& control, TaskQueue& uploads)
-      : scenes_(scenes), blobs_(blobs), control_(control), uploads_(uploads) {}
+  SceneServiceImplementation(Tenants& tenants, TaskQueue& control, TaskQueue& uploads)
+      : tenants_(tenants), control_(control), uploads_(uploads) {}
 
   grpc::ServerUnaryReactor* PrepareScene(grpc::CallbackServerContext* context,
                                          const v1::PrepareSceneRequest* request,
@@ -35,8 +34,7 @@ class SceneServiceImplementation final : public v1::SceneService::CallbackServic
                                         v1::DeleteSceneResponse* response) override;
 
  private:
-  SceneRegistry& scenes_;
-  BlobStore& blobs_;
+  Tenants& tenants_;
   TaskQueue& control_;
   TaskQueue& uploads_;
 };

@@ -17,20 +17,17 @@
 #include "core/files.h"
 #include "grpc/health/v1/health.pb.h"
 #include "scene/intersector.h"
-#include "service/blob_store.h"
-#include "service/cache_registry.h"
 #include "service/cache_service.h"
 #include "service/channel_arguments.h"
 #include "service/flatland_service.h"
-#include "service/job_table.h"
 #include "service/limits.h"
 #include "service/listen_address.h"
+#include "service/metrics.h"
 #include "service/probe_service.h"
 #include "service/render_service.h"
-#include "service/scene_registry.h"
 #include "service/scene_service.h"
 #include "service/server_service.h"
-#include "service/stream_pump.h"
+#include "service/tenants.h"
 
 namespace fogbank::service {
 
@@ -80,8 +77,7 @@ int default_threads() { return static_cast<int>(std::max(1u, std::thread::hardwa
 /// Removes what nobody needs any more, once a minute.
 class Sweeper {
  public:
-  Sweeper(SceneRegistry& scenes, BlobStore& blobs, CacheRegistry& caches, const JobTable& jobs)
-      : thread_([this, &scenes, &blobs, &caches, &jobs] { work(scenes, blobs, caches, jobs); }) {}
+  explicit Sweeper(const Tenants& tenants) : thread_([this, &tenants] { work(tenants); }) {}
   ~Sweeper() {
     {
       const std::lock_guard lock(mutex_);
@@ -92,14 +88,10 @@ class Sweeper {
   }
 
  private:
-  void work(SceneRegistry& scenes, BlobStore& blobs, CacheRegistry& caches, const JobTable& jobs) {
+  void work(const Tenants& tenants) {
     std::unique_lock lock(mutex_);
     while (!wake_.wait_for(lock, std::chrono::minutes(1), [this] { return stopped_; })) {
-      std::set<std::string> in_use = scenes.blobs_in_use();
-      in_use.merge(jobs.blobs_in_use());
-      blobs.sweep(in_use, std::chrono::seconds(static_cast<int64_t>(limits::blob_lifetime_seconds)),
-                  std::chrono::seconds(static_cast<int64_t>(limits::partial_upload_lifetime_seconds)));
-      caches.keep_within_budget();
+      for (Tenant* const tenant : tenants.all()) tenant->sweep();
     }
   }
 
@@ -108,6 +100,11 @@ class Sweeper {
   bool stopped_ = false;
   std::thread thread_;
 };
+
+/// Whom nobody can reach from elsewhere needs no name, unless that is asked for.
+bool needs_authentication(const ServerOptions& options) {
+  return options.require_tokens || !options.tls.certificate.empty();
+}
 
 }  // namespace
 
@@ -121,26 +118,24 @@ struct Server::Parts {
         files("files", 2),
         writer("writer", 1),
         loader("loader", 1),
-        blobs(options.data / "blobs"),
-        scenes({.folder = options.data / "scenes",
-                .scene_root = options.scene_root ? std::optional(checked_scene_root(*options.scene_root))
-                                                 : std::nullopt,
-                .memory_budget_bytes = memory_bytes / 2},
-               blobs, loader),
-        caches({.folder = options.data / "caches",
-                .memory_budget_bytes = memory_bytes / 4,
-                .disk_budget_bytes = options.cache_bytes}),
         scheduler(options.threads > 0 ? options.threads : default_threads(), scene::prepare_render_thread),
-        jobs({.folder = options.data / "jobs",
-              .film_budget_bytes = memory_bytes / 4,
-              .jobs_outlive_server = options.jobs_outlive_server},
-             scenes, caches, blobs, scheduler, writer, [this] { pump.news(); }),
-        scene_service(scenes, blobs, control, files),
-        render_service(jobs, control, files, pump),
-        probe_service(scenes, scheduler, control, probe_pump),
-        flatland_service(control, scheduler),
-        cache_service(scenes, caches, blobs, scheduler, control, files, fill_pump),
-        server_service(scenes, jobs, caches, scheduler, pump, probe_pump, fill_pump, control) {}
+        films(memory_bytes / 4),
+        tenants({.data = options.data,
+                 .authentication = needs_authentication(options),
+                 .memory_bytes = memory_bytes / 4 * 3,
+                 .tenant = {.scene_root = options.scene_root
+                                              ? std::optional(checked_scene_root(*options.scene_root))
+                                              : std::nullopt,
+                            .cache_disk_bytes = options.cache_bytes,
+                            .jobs_outlive_server = options.jobs_outlive_server}},
+                control, writer, loader, scheduler, films),
+        scene_service(tenants, control, files),
+        render_service(tenants, control, files),
+        probe_service(tenants, control),
+        flatland_service(tenants, control, scheduler),
+        cache_service(tenants, files),
+        server_service(tenants, options.scene_root.has_value(), options.data, memory_bytes, scheduler,
+                       control) {}
 
   FileDescriptor lock;
   int64_t memory_bytes;
@@ -148,14 +143,9 @@ struct Server::Parts {
   TaskQueue files;
   TaskQueue writer;
   TaskQueue loader;
-  StreamPump pump;
-  StreamPump probe_pump;
-  StreamPump fill_pump;
-  BlobStore blobs;
-  SceneRegistry scenes;
-  CacheRegistry caches;
   Scheduler scheduler;
-  JobTable jobs;
+  FilmBudget films;
+  Tenants tenants;
   SceneServiceImplementation scene_service;
   RenderServiceImplementation render_service;
   ProbeServiceImplementation probe_service;
@@ -163,23 +153,34 @@ struct Server::Parts {
   CacheServiceImplementation cache_service;
   ServerServiceImplementation server_service;
   std::optional<Sweeper> sweeper;
+  std::optional<MetricsEndpoint> metrics;
   std::unique_ptr<grpc::Server> server;
   std::string target;
 };
 
 Server::Server(const ServerOptions& options) {
-  const ListenAddress address = check_listen_address(options.listen, options.insecure_any_address);
+  const ListenAddress address =
+      check_listen_address(options.listen, options.insecure_any_address || !options.tls.certificate.empty());
+  const auto credentials = server_credentials(options.tls);
+  if (!options.metrics.empty() &&
+      !check_listen_address(options.metrics, options.insecure_any_address).is_network) {
+    throw OptionError("--metrics: Prometheus wants HOST:PORT");
+  }
   raise_descriptor_limit();
   parts_ = std::make_unique<Parts>(options);
 
   grpc::EnableDefaultHealthCheckService(true);
+  // Health and reflection, which shows the public contract, are all that needs no token.
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   // The library's health service brings no descriptor; naming ours links it into the program, for reflection.
   grpc::health::v1::HealthCheckRequest::descriptor();
 
+  // Before the first call, which might ask for a job of an earlier life.
+  parts_->tenants.open_known();
+
   grpc::ServerBuilder builder;
   int port = 0;
-  builder.AddListeningPort(address.target, grpc::InsecureServerCredentials(), &port);
+  builder.AddListeningPort(address.target, credentials, &port);
   builder.SetMaxReceiveMessageSize(static_cast<int>(limits::max_request_bytes));
   for (const ChannelArgument& argument : channel_arguments()) {
     if (argument.server) builder.AddChannelArgument(argument.name, argument.value);
@@ -204,8 +205,10 @@ Server::Server(const ServerOptions& options) {
     health->SetServingStatus(service, true);
   }
   parts_->target = address.is_network ? address.host + ":" + std::to_string(port) : address.target;
-  parts_->sweeper.emplace(parts_->scenes, parts_->blobs, parts_->caches, parts_->jobs);
-  parts_->jobs.resume();
+  parts_->sweeper.emplace(parts_->tenants);
+  if (!options.metrics.empty()) {
+    parts_->metrics.emplace(options.metrics, parts_->tenants, parts_->scheduler, options.data);
+  }
 }
 
 Server::~Server() { stop(); }
@@ -217,13 +220,13 @@ void Server::stop() {
   Parts& parts = *parts_;
   const Clock::time_point drain_end = Clock::now() + seconds(limits::drain_seconds);
   if (parts.server) parts.server->GetHealthCheckService()->SetServingStatus(false);
-  parts.scenes.shut_down();
-  parts.jobs.shut_down();
-  parts.probe_service.shut_down();
-  parts.cache_service.shut_down();
-  while ((parts.jobs.unfinished() > 0 || parts.pump.streams() > 0 || parts.probe_pump.streams() > 0 ||
-          parts.fill_pump.streams() > 0 || !parts.loader.idle()) &&
-         Clock::now() < drain_end) {
+  const std::vector<Tenant*> tenants = parts.tenants.all();
+  for (Tenant* const tenant : tenants) tenant->shut_down();
+  const auto idle = [&] {
+    return parts.loader.idle() &&
+           std::ranges::all_of(tenants, [](const Tenant* tenant) { return tenant->idle(); });
+  };
+  while (!idle() && Clock::now() < drain_end) {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
   if (parts.server) {
@@ -236,15 +239,14 @@ void Server::stop() {
     spdlog::info("ending in the middle of loading a scene");
     std::_Exit(0);
   }
+  parts.metrics.reset();
   parts.sweeper.reset();
   parts.scheduler.close();
   parts.control.close();
   parts.loader.close();
   parts.files.close();
   parts.writer.close();
-  parts.pump.close();
-  parts.probe_pump.close();
-  parts.fill_pump.close();
+  for (Tenant* const tenant : tenants) tenant->close();
   parts_.reset();
 }
 

@@ -7,6 +7,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "service/listener.h"
+
 namespace fogbank::service {
 
 struct ServerOptions {
@@ -16,7 +18,10 @@ struct ServerOptions {
   int threads = 0;                                  ///< render threads; 0: one for each core
   int64_t memory_bytes = 0;           ///< for scenes, caches and films; 0: three quarters of the machine's
   int64_t cache_bytes = 0;            ///< of caches on the disk; 0: no limit
-  bool insecure_any_address = false;  ///< allows addresses other than loopback and sockets
+  TlsFiles tls;                       ///< with a certificate: TLS, and tokens on every address
+  std::string metrics;                ///< HOST:PORT of loopback for Prometheus; empty: no metrics
+  bool require_tokens = false;        ///< on loopback and sockets, too
+  bool insecure_any_address = false;  ///< allows addresses other than loopback and sockets without either
   /// Jobs that have not ended when the server does go on with its next life. Else they are cancelled: their
   /// client ends, too.
   bool jobs_outlive_server = true;
@@ -31,8 +36,8 @@ class OptionError : public std::runtime_error {
 class Server {
  public:
   /// Starts and serves. Throws OptionError for options that are refused: an address that others can reach
-  /// without `insecure_any_address`, one that is in use, a data directory that another server has or that
-  /// can't be used.
+  /// without TLS or `insecure_any_address`, one that is in use, files that are no certificate, a data
+  /// directory that another server has or that can't be used.
   explicit Server(const ServerOptions& options);
   /// As `stop`.
   ~Server();

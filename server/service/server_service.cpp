@@ -1,9 +1,6 @@
 #include "service/server_service.h"
 
-#include <unistd.h>
-
 #include <filesystem>
-#include <fstream>
 #include <vector>
 
 #include "derivatives/estimator.h"
@@ -13,20 +10,13 @@
 #include "service/channel_arguments.h"
 #include "service/limits.h"
 #include "service/messages.h"
+#include "service/resident_memory.h"
 #include "transport/bsdf.h"
 #include "transport/lights/light_registry.h"
 
 namespace fogbank::service {
 
 namespace {
-
-int64_t resident_bytes() {
-  std::ifstream file("/proc/self/statm");
-  int64_t total = 0;
-  int64_t resident = 0;
-  file >> total >> resident;
-  return resident * ::sysconf(_SC_PAGESIZE);
-}
 
 void add_plugins(v1::GetCapabilitiesResponse& capabilities, const char* kind,
                  const std::vector<std::string>& names) {
@@ -72,64 +62,65 @@ v1::GetCapabilitiesResponse describe_capabilities(bool scene_root) {
 
 }  // namespace
 
-ServerServiceImplementation::ServerServiceImplementation(const SceneRegistry& scenes, const JobTable& jobs,
-                                                         const CacheRegistry& caches,
-                                                         const Scheduler& scheduler,
-                                                         const StreamPump& watchers, const StreamPump& probes,
-                                                         const StreamPump& fills, TaskQueue& control)
-    : scenes_(scenes),
-      jobs_(jobs),
-      caches_(caches),
+ServerServiceImplementation::ServerServiceImplementation(Tenants& tenants, bool scene_root,
+                                                         std::filesystem::path data, int64_t memory_bytes,
+                                                         const Scheduler& scheduler, TaskQueue& control)
+    : tenants_(tenants),
+      data_(std::move(data)),
+      memory_bytes_(memory_bytes),
       scheduler_(scheduler),
-      watchers_(watchers),
-      probes_(probes),
-      fills_(fills),
       control_(control),
       start_time_(timestamp_now()),
-      capabilities_(describe_capabilities(scenes.has_scene_root())) {}
+      capabilities_(describe_capabilities(scene_root)) {}
 
 grpc::ServerUnaryReactor* ServerServiceImplementation::GetCapabilities(
     grpc::CallbackServerContext* context, const v1::GetCapabilitiesRequest*,
     v1::GetCapabilitiesResponse* response) {
-  *response = capabilities_;
-  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  reactor->Finish(grpc::Status::OK);
-  return reactor;
+  return answer(context, control_, [this, context, response] {
+    tenants_.enter(*context, "ServerService.GetCapabilities");
+    *response = capabilities_;
+  });
 }
 
 grpc::ServerUnaryReactor* ServerServiceImplementation::GetServerStatus(
     grpc::CallbackServerContext* context, const v1::GetServerStatusRequest*,
     v1::GetServerStatusResponse* response) {
-  return answer(context, control_, [this, response] {
+  return answer(context, control_, [this, context, response] {
+    const Tenant& tenant = tenants_.enter(*context, "ServerService.GetServerStatus");
     *response->mutable_start_time() = start_time_;
     response->set_uptime_seconds(to_seconds(Clock::now() - start_));
-    const JobTable::Counts jobs = jobs_.counts();
+    const JobTable::Counts jobs = tenant.jobs.counts();
     response->mutable_jobs()->set_queued(jobs.queued);
     response->mutable_jobs()->set_running(jobs.running);
     response->mutable_jobs()->set_succeeded(jobs.succeeded);
     response->mutable_jobs()->set_failed(jobs.failed);
     response->mutable_jobs()->set_cancelled(jobs.cancelled);
     response->mutable_jobs()->set_paused(jobs.paused);
-    const SceneRegistry::Counts scenes = scenes_.counts();
+    const SceneRegistry::Counts scenes = tenant.scenes.counts();
     response->set_scenes(scenes.scenes);
     response->set_resident_scenes(scenes.resident);
     response->set_scene_memory_bytes(scenes.resident_bytes);
     response->set_worker_threads(scheduler_.threads());
     response->set_busy_threads(scheduler_.busy());
-    response->set_memory_bytes(resident_bytes());
+    response->set_memory_bytes(resident_memory_bytes());
     response->set_rays_per_second(jobs.rays_per_second);
-    response->set_watchers(static_cast<int32_t>(watchers_.streams()));
-    response->set_probes(static_cast<int32_t>(probes_.streams()));
-    response->set_rays(jobs_.rays());
-    response->set_cache_memory_bytes(caches_.memory_bytes());
-    response->set_fills(static_cast<int32_t>(fills_.streams()));
-    response->set_tiles(jobs_.tiles());
-    response->set_film_memory_bytes(jobs_.film_bytes());
-    for (const auto& [reason, count] : jobs_.failures()) {
+    response->set_watchers(static_cast<int32_t>(tenant.pump.streams()));
+    response->set_probes(static_cast<int32_t>(tenant.probe_pump.streams()));
+    response->set_rays(tenant.jobs.totals().rays);
+    response->set_cache_memory_bytes(tenant.caches.memory_bytes());
+    response->set_fills(static_cast<int32_t>(tenant.fill_pump.streams()));
+    response->set_tiles(tenant.jobs.tiles());
+    response->set_film_memory_bytes(tenant.jobs.film_bytes());
+    for (const auto& [reason, count] : tenant.jobs.failures()) {
       v1::ErrorCount& error = *response->add_errors();
       error.set_reason(reason);
       error.set_count(count);
     }
+    response->set_memory_budget_bytes(memory_bytes_);
+    std::error_code unknown;
+    const std::filesystem::space_info space = std::filesystem::space(data_, unknown);
+    if (!unknown) response->set_disk_free_bytes(static_cast<int64_t>(space.available));
+    response->set_tenant(tenant.name);
   });
 }
 

@@ -1,21 +1,20 @@
 // fogbank.v1.ServerService.
 #pragma once
 
+#include <filesystem>
 #include <string>
 
 #include "fogbank/v1/server.grpc.pb.h"
-#include "service/job_table.h"
-#include "service/scene_registry.h"
 #include "service/scheduling/scheduler.h"
-#include "service/stream_pump.h"
+#include "service/tenants.h"
 
 namespace fogbank::service {
 
 class ServerServiceImplementation final : public v1::ServerService::CallbackService {
  public:
-  ServerServiceImplementation(const SceneRegistry& scenes, const JobTable& jobs, const CacheRegistry& caches,
-                              const Scheduler& scheduler, const StreamPump& watchers,
-                              const StreamPump& probes, const StreamPump& fills, TaskQueue& control);
+  /// `memory_bytes`: what scenes, caches and films may take together.
+  ServerServiceImplementation(Tenants& tenants, bool scene_root, std::filesystem::path data,
+                              int64_t memory_bytes, const Scheduler& scheduler, TaskQueue& control);
 
   grpc::ServerUnaryReactor* GetCapabilities(grpc::CallbackServerContext* context,
                                             const v1::GetCapabilitiesRequest* request,
@@ -25,13 +24,10 @@ class ServerServiceImplementation final : public v1::ServerService::CallbackServ
                                             v1::GetServerStatusResponse* response) override;
 
  private:
-  const SceneRegistry& scenes_;
-  const JobTable& jobs_;
-  const CacheRegistry& caches_;
+  Tenants& tenants_;
+  const std::filesystem::path data_;
+  const int64_t memory_bytes_;
   const Scheduler& scheduler_;
-  const StreamPump& watchers_;
-  const StreamPump& probes_;
-  const StreamPump& fills_;
   TaskQueue& control_;
   const google::protobuf::Timestamp start_time_;
   const Clock::time_point start_ = Clock::now();

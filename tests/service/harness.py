@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import io
 import os
@@ -172,13 +173,22 @@ class Server:
 
     def connect(self) -> None:
         """A channel of its own, with the options that the server asks for."""
-        self.channel = grpc.insecure_channel(self.target, options=list(CHANNEL_OPTIONS))
-        self.scenes = SceneServiceStub(self.channel)
-        self.render = RenderServiceStub(self.channel)
-        self.probe = ProbeServiceStub(self.channel)
-        self.caches = CacheServiceStub(self.channel)
-        self.flatland = FlatlandServiceStub(self.channel)
-        self.server = ServerServiceStub(self.channel)
+        self._bind(grpc.insecure_channel(self.target, options=list(CHANNEL_OPTIONS)))
+
+    def _bind(self, channel: grpc.Channel) -> None:
+        self.channel = channel
+        self.scenes = SceneServiceStub(channel)
+        self.render = RenderServiceStub(channel)
+        self.probe = ProbeServiceStub(channel)
+        self.caches = CacheServiceStub(channel)
+        self.flatland = FlatlandServiceStub(channel)
+        self.server = ServerServiceStub(channel)
+
+    def seen_through(self, channel: grpc.Channel) -> Server:
+        """The same process, called over another channel."""
+        other = copy.copy(self)
+        other._bind(channel)
+        return other
 
     def stop(self) -> int:
         """SIGTERM, and the exit code."""

@@ -290,6 +290,40 @@ def test_eight_jobs_share_the_threads(server: Server, scene: scene_messages.Scen
     assert max(traced) < 2 * min(traced), traced
 
 
+def test_the_more_urgent_job_goes_first(server: Server, scene: scene_messages.Scene) -> None:
+    def start(priority: render.JobPriority.ValueType) -> str:
+        request = render.CreateJobRequest(
+            request_id=new_request_id(), scene=scene.name, settings=ENDLESS, priority=priority
+        )
+        job = server.render.CreateJob(request).job
+        assert job.priority == priority
+        wait_until_running(server, job.name)
+        return str(job.name)
+
+    def rays(name: str) -> int:
+        return int(server.job(name).progress.rays)
+
+    batch = start(render.JOB_PRIORITY_BACKGROUND)
+    viewer = start(render.JOB_PRIORITY_INTERACTIVE)
+    while server.job(viewer).progress.passes_done == 0:
+        time.sleep(0.01)
+    before = rays(batch), rays(viewer)
+    while rays(viewer) < before[1] + 400_000:
+        time.sleep(0.01)
+    # At most the tiles that two threads had in hand.
+    assert rays(batch) - before[0] < 0.5 * (rays(viewer) - before[1])
+    server.render.CancelJob(render.CancelJobRequest(name=viewer))
+    stopped = rays(batch)
+    while rays(batch) == stopped:
+        time.sleep(0.01)
+    server.render.CancelJob(render.CancelJobRequest(name=batch))
+    bad = render.CreateJobRequest(request_id=new_request_id(), scene=scene.name)
+    bad.priority = 77  # type: ignore[assignment]
+    with pytest.raises(grpc.RpcError) as caught:
+        server.render.CreateJob(bad)
+    assert error_info(caught.value).metadata["field"] == "priority"
+
+
 def test_listing(server: Server, scene: scene_messages.Scene) -> None:
     created = [server.create_job(scene.name, render.RenderSettings(samples_per_pixel=1)).name for _ in range(5)]
     for name in created:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import socket
 import subprocess
 import threading
+import urllib.request
 from pathlib import Path
 
 import grpc
@@ -179,4 +181,35 @@ def test_refused_options(tmp_path: Path, server: Server) -> None:
 def test_insecure_any_address_is_allowed_when_said(tmp_path: Path) -> None:
     server = Server(tmp_path / "data", "--insecure-any-address", listen="0.0.0.0:0")
     assert server.target.startswith("0.0.0.0:")
+    assert server.stop() == 0
+
+
+def metrics(address: str) -> dict[str, float]:
+    """What Prometheus would read, by name and labels."""
+    with urllib.request.urlopen(f"http://{address}/metrics", timeout=60) as answer:
+        text = answer.read().decode()
+    lines = (line.rpartition(" ") for line in text.splitlines() if not line.startswith("#"))
+    return {name: float(value) for name, _, value in lines}
+
+
+def test_metrics_count_what_happens(tmp_path: Path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{taken.getsockname()[1]}"
+    server = Server(tmp_path / "data", "--metrics", address)
+    job = server.create_job(server.create_scene(fog_scene()).name)
+    ended = server.finish(job.name)
+    result = ended.result
+    found = metrics(address)
+    assert found['fogbank_jobs{tenant="",state="succeeded"}'] == 1
+    assert found['fogbank_jobs{tenant="",state="running"}'] == 0
+    assert found['fogbank_rays_total{tenant=""}'] == result.rays
+    assert found['fogbank_tiles_total{tenant=""}'] == ended.progress.tiles_total * ended.progress.passes_done
+    assert found['fogbank_scenes{tenant="",state="resident"}'] == 1
+    assert found['fogbank_memory_bytes{tenant="",kind="films"}'] == 0
+    assert found["process_resident_memory_bytes"] > 1 << 20
+    other = Server(tmp_path / "other")
+    assert "in use" in start_fails("--data", tmp_path / "third", "--listen", "127.0.0.1:0", "--metrics", address)
+    assert "can be reached by others" in start_fails("--data", tmp_path / "third", "--metrics", "0.0.0.0:9000")
+    assert other.stop() == 0
     assert server.stop() == 0

@@ -12,7 +12,9 @@ from fogbank import (
     JobCancelledError,
     JobFailedError,
     NotFoundError,
+    PermissionDeniedError,
     ResourceExhaustedError,
+    UnauthenticatedError,
     UnavailableError,
 )
 
@@ -29,6 +31,7 @@ class ExitCode(IntEnum):
     NOT_FOUND = 6
     LIMIT = 7
     LOCAL_FILE = 8
+    NOT_ALLOWED = 9
     CANCELLED = 130
 
 
@@ -42,6 +45,7 @@ DESCRIPTIONS: dict[ExitCode, str] = {
     ExitCode.NOT_FOUND: "no such scene, job or cache",
     ExitCode.LIMIT: "over a limit of the server (`fogbank server capabilities` lists them)",
     ExitCode.LOCAL_FILE: "a file of this machine cannot be written or read",
+    ExitCode.NOT_ALLOWED: "the server wants a token, or a better one",
     ExitCode.CANCELLED: "the job was cancelled, or the command interrupted (Ctrl-C)",
 }
 
@@ -58,6 +62,8 @@ _BY_ERROR: tuple[tuple[type[BaseException], ExitCode], ...] = (
     (JobCancelledError, ExitCode.CANCELLED),
     (NotFoundError, ExitCode.NOT_FOUND),
     (ResourceExhaustedError, ExitCode.LIMIT),
+    (UnauthenticatedError, ExitCode.NOT_ALLOWED),
+    (PermissionDeniedError, ExitCode.NOT_ALLOWED),
     (OSError, ExitCode.LOCAL_FILE),
 )
 

@@ -26,6 +26,8 @@ from fogbank_cli.serve import serve
 from fogbank_cli.server import server
 from fogbank_cli.session import Session
 from fogbank_cli.sweep import sweep
+from fogbank_cli.tls import tls
+from fogbank_cli.token import token
 
 COMMANDS: tuple[click.Command, ...] = (
     render,
@@ -37,6 +39,8 @@ COMMANDS: tuple[click.Command, ...] = (
     job,
     cache,
     server,
+    token,
+    tls,
     reproduce,
 )
 

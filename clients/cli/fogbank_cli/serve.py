@@ -11,6 +11,7 @@ from fogbank.paths import server_binary
 from fogbank_cli.session import Session, pass_session
 
 DEFAULT_ADDRESS = "127.0.0.1:7070"
+_PEM = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 
 @click.command()
@@ -19,7 +20,12 @@ DEFAULT_ADDRESS = "127.0.0.1:7070"
 @click.option("--scene-root", type=click.Path(path_type=Path), help="Clients may load scenes below this folder.")
 @click.option("--threads", type=click.IntRange(1), help="Worker threads; one per core by default.")
 @click.option("--memory", type=click.FloatRange(0), metavar="GIB", help="For scenes and films; 3/4 of the machine's.")
-@click.option("--insecure-any-address", is_flag=True, help="Listen where others can reach it, without authentication.")
+@click.option("--metrics", metavar="HOST:PORT", help="On loopback: serves /metrics to Prometheus.")
+@click.option("--tls-certificate", type=_PEM, help="Encrypts, on any address, and asks every caller for a token.")
+@click.option("--tls-key", type=_PEM, help="The certificate's private key.")
+@click.option("--tls-client-ca", type=_PEM, help="Clients with a certificate that it has signed need no token.")
+@click.option("--require-tokens", is_flag=True, help="Ask every caller for a token, on loopback and sockets, too.")
+@click.option("--insecure-any-address", is_flag=True, help="Listen where others can reach it, without TLS and tokens.")
 @click.option("--log-level", type=click.Choice(["debug", "info", "warning", "error", "off"]), help="Default: info.")
 @click.option("--port-file", type=click.Path(path_type=Path), help="Written when the server is ready.")
 @pass_session
@@ -31,6 +37,11 @@ def serve(
     scene_root: Path | None,
     threads: int | None,
     memory: float | None,
+    metrics: str | None,
+    tls_certificate: Path | None,
+    tls_key: Path | None,
+    tls_client_ca: Path | None,
+    require_tokens: bool,
     insecure_any_address: bool,
     log_level: str | None,
     port_file: Path | None,
@@ -44,12 +55,18 @@ def serve(
         "--scene-root": scene_root,
         "--threads": threads,
         "--memory": memory,
+        "--metrics": metrics,
+        "--tls-certificate": tls_certificate,
+        "--tls-key": tls_key,
+        "--tls-client-ca": tls_client_ca,
         "--log-level": log_level,
         "--port-file": port_file,
     }
     for option, value in options.items():
         if value is not None:
             command += [option, str(value)]
+    if require_tokens:
+        command.append("--require-tokens")
     if insecure_any_address:
         command.append("--insecure-any-address")
     # The server takes this process's place, so that signals and its exit status need no passing on.

@@ -25,16 +25,23 @@ def status(session: Session, /) -> None:
         address = service.address
     output.event("status", address=address, version=capabilities.version, build_id=capabilities.build_id, **vars(now))
     output.text(f"{address}: Fogbank {capabilities.version}, up for {duration(now.uptime_seconds)}")
-    jobs = ", ".join(f"{count} {state}" for state, count in now.jobs.items())
+    held = now.scene_memory_bytes + now.cache_memory_bytes + now.film_memory_bytes
     lines = {
-        "jobs": jobs,
-        "scenes": f"{now.scenes}, {now.resident_scenes} in memory ({quantity(now.scene_memory_bytes, 'B')})",
+        "jobs": ", ".join(f"{count} {state}" for state, count in now.jobs.items()),
+        "scenes": f"{now.scenes}, {now.resident_scenes} in memory",
+        "streams": f"{now.watchers} watchers, {now.probes} probes, {now.fills} fills",
         "threads": f"{now.busy_threads} of {now.worker_threads} busy",
-        "rays": f"{quantity(now.rays_per_second, 'rays/s')}, {quantity(now.rays, 'rays')} since the start",
-        "memory": quantity(now.memory_bytes, "B"),
-        "watchers": str(now.watchers),
-        "probes": str(now.probes),
+        "rays": f"{quantity(now.rays_per_second, 'rays/s')}, {quantity(now.rays, 'rays')} in "
+        f"{quantity(now.tiles, 'tiles')} since the start",
+        "memory": f"{quantity(now.memory_bytes, 'B')}; of {quantity(now.memory_budget_bytes, 'B')} for data "
+        f"{quantity(held, 'B')} in use: scenes {quantity(now.scene_memory_bytes, 'B')}, "
+        f"caches {quantity(now.cache_memory_bytes, 'B')}, films {quantity(now.film_memory_bytes, 'B')}",
+        "disk": f"{quantity(now.disk_free_bytes, 'B')} free",
     }
+    if now.errors:
+        lines["failed"] = ", ".join(f"{count} {reason}" for reason, count in now.errors.items())
+    if now.tenant is not None:
+        lines["tenant"] = now.tenant
     for label, text in lines.items():
         output.text(f"  {label:<10}{text}")
 

@@ -28,6 +28,7 @@ from fogbank.cache_view import CacheComponent, CacheView, Plan, RecordExtents
 from fogbank.camera import CameraLike
 from fogbank.camera_path import interpolate, orbit, read_keyframes
 from fogbank.capabilities import Capabilities, Limit, ServerStatus
+from fogbank.credentials import Credentials
 from fogbank.errors import (
     AbortedError,
     AlreadyExistsError,
@@ -73,6 +74,7 @@ __all__ = [
     "CallCancelledError",
     "CameraLike",
     "Capabilities",
+    "Credentials",
     "DataLossError",
     "DeadlineExceededError",
     "ErrorReport",

@@ -118,6 +118,24 @@ class ServerStatus:
     fills: int
     """Caches that are being filled without a picture."""
 
+    tiles: int
+    """Tiles rendered since the start, those of every pass counted."""
+
+    film_memory_bytes: int
+    """Memory planned for the films of jobs."""
+
+    memory_budget_bytes: int
+    """What scenes, caches and films may take together."""
+
+    disk_free_bytes: int
+    """Space left on the disk of the data directory."""
+
+    errors: dict[str, int]
+    """Jobs that failed since the start, by reason."""
+
+    tenant: str | None
+    """Whom the server takes this client for; None where it asks nobody."""
+
     @classmethod
     def from_message(cls, message: server_pb2.GetServerStatusResponse) -> ServerStatus:
         """The status of a wire message."""
@@ -145,4 +163,10 @@ class ServerStatus:
             probes=message.probes,
             cache_memory_bytes=message.cache_memory_bytes,
             fills=message.fills,
+            tiles=message.tiles,
+            film_memory_bytes=message.film_memory_bytes,
+            memory_budget_bytes=message.memory_budget_bytes,
+            disk_free_bytes=message.disk_free_bytes,
+            errors={error.reason: error.count for error in message.errors},
+            tenant=message.tenant or None,
         )

@@ -16,6 +16,7 @@ from fogbank._generated.v1.probe_pb2_grpc import ProbeServiceStub
 from fogbank._generated.v1.render_pb2_grpc import RenderServiceStub
 from fogbank._generated.v1.scene_pb2_grpc import SceneServiceStub
 from fogbank._generated.v1.server_pb2_grpc import ServerServiceStub
+from fogbank.credentials import Credentials
 from fogbank.errors import FogbankError, UnavailableError, from_rpc_error
 from fogbank.retry import Backoff, RetryPolicy
 
@@ -55,15 +56,15 @@ class UnaryCall(Protocol[Request_contra, Response_co]):
 class Stubs:
     """The services of one channel."""
 
-    def __init__(self, channel: grpc.Channel) -> None:
-        """Binds the stubs to the channel."""
+    def __init__(self, channel: grpc.Channel, calls: grpc.Channel) -> None:
+        """Binds the stubs to `calls`, which is `channel` or adds something to its calls."""
         self.channel = channel
-        self.scenes = SceneServiceStub(channel)
-        self.render = RenderServiceStub(channel)
-        self.caches = CacheServiceStub(channel)
-        self.probe = ProbeServiceStub(channel)
-        self.flatland = FlatlandServiceStub(channel)
-        self.server = ServerServiceStub(channel)
+        self.scenes = SceneServiceStub(calls)
+        self.render = RenderServiceStub(calls)
+        self.caches = CacheServiceStub(calls)
+        self.probe = ProbeServiceStub(calls)
+        self.flatland = FlatlandServiceStub(calls)
+        self.server = ServerServiceStub(calls)
 
 
 class Connection:
@@ -71,6 +72,7 @@ class Connection:
 
     Args:
         target: "host:port" or "unix:/path".
+        credentials: who the client is, and whether the connection is encrypted.
         retry_policy: for calls and streams that meet UNAVAILABLE.
         explain_unavailable: asked for a better error when the server cannot be reached, such as the log of an
             embedded server that died; its answer is raised without further tries.
@@ -83,11 +85,14 @@ class Connection:
         self,
         target: str,
         *,
+        credentials: Credentials | None = None,
         retry_policy: RetryPolicy | None = None,
         explain_unavailable: Callable[[], FogbankError | None] | None = None,
     ) -> None:
         """See the class for the meaning of the arguments."""
         self.target = target
+        self._credentials = credentials or Credentials()
+        self._credentials.check(target)
         self.retry_policy = retry_policy or RetryPolicy()
         self.upload_chunk_bytes = UPLOAD_CHUNK_BYTES
         self._explain_unavailable = explain_unavailable
@@ -110,12 +115,12 @@ class Connection:
             if self._closed:
                 raise UnavailableError(f"the connection to {self.target} is closed")
             if self._stubs is None:
-                channel = grpc.insecure_channel(self.target, options=CHANNEL_OPTIONS)
+                channel, calls = self._credentials.channel(self.target, CHANNEL_OPTIONS)
                 # In a forked child gRPC cancels the calls of the channels it knows of, for which it takes locks
                 # that a thread of the parent may have held at that moment: then the child hangs for ever. Here
                 # children leave inherited channels alone.
                 cygrpc.fork_unregister_channel(channel)
-                self._stubs = Stubs(channel)
+                self._stubs = Stubs(channel, calls)
             return self._stubs
 
     def close(self) -> None:

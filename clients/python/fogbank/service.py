@@ -17,6 +17,7 @@ from fogbank._generated.v1 import render_pb2, scene_pb2, server_pb2
 from fogbank.cache import Cache, GarbageReport, ImportReport, collect_garbage, import_cache, list_caches, merge_caches
 from fogbank.capabilities import Capabilities, ServerStatus
 from fogbank.channel import Connection
+from fogbank.credentials import Credentials
 from fogbank.embedded import EmbeddedServer
 from fogbank.errors import FogbankError, InvalidSceneError, scene_error
 from fogbank.hash_cache import HashCache
@@ -36,6 +37,7 @@ def connect(
     data: str | os.PathLike[str] | None = None,
     scene_root: str | os.PathLike[str] | None = None,
     threads: int | None = None,
+    credentials: Credentials | None = None,
     retry_policy: RetryPolicy | None = None,
 ) -> Service:
     """Connects to a server, by default to one that is started for the purpose and ends with this program.
@@ -45,6 +47,8 @@ def connect(
         data: data directory of the embedded server; None for $FOGBANK_DATA, else one in the user's cache folder.
         scene_root: folder below which the embedded server may read scenes by itself.
         threads: worker threads of the embedded server; None for one per core.
+        credentials: for a server at `address` that asks who calls; None for those of the environment
+            (`Credentials.from_environment`).
         retry_policy: how long to be patient with a server that cannot be reached.
 
     Raises UnavailableError when the server cannot be reached and ServerStartError when the embedded one does not
@@ -53,7 +57,8 @@ def connect(
     if address is not None:
         if data is not None or scene_root is not None or threads is not None:
             raise TypeError("data, scene_root and threads are for the embedded server; give them or an address")
-        return Service(Connection(address, retry_policy=retry_policy))
+        credentials = credentials or Credentials.from_environment()
+        return Service(Connection(address, credentials=credentials, retry_policy=retry_policy))
     server = EmbeddedServer(data=data, scene_root=scene_root, threads=threads)
     connection = Connection(server.target, retry_policy=retry_policy, explain_unavailable=server.failure)
     return Service(connection, server)

@@ -3,6 +3,8 @@
 #include <pthread.h>
 
 #include <algorithm>
+#include <optional>
+#include <tuple>
 #include <utility>
 
 namespace fogbank::service {
@@ -18,13 +20,27 @@ Scheduler::~Scheduler() { close(); }
 void Scheduler::add(std::shared_ptr<Workload> workload) {
   auto entry = std::make_shared<Entry>();
   entry->workload = std::move(workload);
+  const int number = entry->workload->group();
   {
     const std::lock_guard lock(mutex_);
-    if (!entries_.empty()) {
-      entry->head_start = (*std::ranges::min_element(entries_, {}, [](const auto& other) {
-                            return other->virtual_time();
-                          }))->virtual_time();
+    std::optional<double> least;
+    for (const auto& other : entries_) {
+      if (other->workload == entry->workload) return;
+      if (other->workload->group() == number && other->workload->urgency() == entry->workload->urgency())
+        least = std::min(other->virtual_time(), least.value_or(other->virtual_time()));
     }
+    entry->head_start = least.value_or(0);
+    Group& group = groups_[number];
+    if (group.workloads == 0) {
+      // Level with the least served group; one that had got ahead does not lose that by pausing.
+      std::optional<double> least_group;
+      for (const auto& [other_number, other] : groups_) {
+        if (other.workloads > 0)
+          least_group = std::min(other.virtual_time(), least_group.value_or(other.virtual_time()));
+      }
+      group.time = std::max(group.time, least_group.value_or(group.time));
+    }
+    ++group.workloads;
     entries_.push_back(std::move(entry));
   }
   wake_.notify_all();
@@ -32,7 +48,8 @@ void Scheduler::add(std::shared_ptr<Workload> workload) {
 
 void Scheduler::remove(const Workload& workload) {
   const std::lock_guard lock(mutex_);
-  std::erase_if(entries_, [&](const auto& entry) { return entry->workload.get() == &workload; });
+  if (std::erase_if(entries_, [&](const auto& entry) { return entry->workload.get() == &workload; }) > 0)
+    --groups_[workload.group()].workloads;
 }
 
 void Scheduler::wake() {
@@ -68,7 +85,11 @@ void Scheduler::close() {
 std::pair<std::shared_ptr<Scheduler::Entry>, std::function<void()>> Scheduler::take() {
   // Ties go to the earlier arrival: stable order, no dependence on addresses.
   std::vector<std::shared_ptr<Entry>> order = entries_;
-  std::ranges::stable_sort(order, {}, [](const auto& entry) { return entry->virtual_time(); });
+  std::ranges::stable_sort(order, {}, [this](const auto& entry) {
+    const int group = entry->workload->group();
+    return std::tuple(groups_.at(group).virtual_time(), group, entry->workload->urgency(),
+                      entry->virtual_time());
+  });
   for (const std::shared_ptr<Entry>& entry : order) {
     if (entry->running >= entry->workload->max_threads()) continue;
     if (std::function<void()> task = entry->workload->take()) return {entry, std::move(task)};
@@ -88,6 +109,9 @@ void Scheduler::work() {
     }
     ++entry->running;
     ++busy_;
+    Group& group = groups_.at(entry->workload->group());
+    const double in_advance = entry->last_task;
+    group.in_advance += in_advance;
     lock.unlock();
     const Clock::time_point start = Clock::now();
     task();
@@ -97,6 +121,8 @@ void Scheduler::work() {
     --entry->running;
     --busy_;
     entry->consumed += elapsed;
+    group.in_advance -= in_advance;
+    group.time += elapsed;
     entry->last_task = elapsed;
     // The end of a task may begin a new pass, which has tasks for everybody who waits.
     wake_.notify_all();

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <thread>
@@ -23,12 +24,18 @@ class Workload {
   virtual std::function<void()> take() = 0;
   /// Most tasks to run at once.
   virtual int max_threads() const { return std::numeric_limits<int>::max(); }
+  /// Whose it is: groups share the threads before their workloads do. Does not change.
+  virtual int group() const { return 0; }
+  /// Of one group's workloads those with the smallest number have the threads to themselves for as long as
+  /// they have tasks. Does not change.
+  virtual int urgency() const { return 0; }
 };
 
-/// Fair by worker time: a free thread takes a task of the workload that has had the least, so that every
-/// active job gets the same share of the threads however long its tasks are. A workload that arrives late
-/// starts level with the least served one: it neither waits for the others' past nor is made to pay for it.
-/// Thread-safe.
+/// Fair by worker time: a free thread takes a task of the group that has had the least, and there of the most
+/// urgent workload that has had the least, so that every active group, and in it every active job of the same
+/// urgency, gets the same share of the threads however long its tasks are. What arrives late starts level
+/// with the least served one: it neither waits for the others' past nor is made to pay for it. A workload
+/// that has no tasks for long is to be removed meanwhile. Thread-safe.
 class Scheduler {
  public:
   /// `prepare_thread` runs once on every thread before its first task.
@@ -36,6 +43,7 @@ class Scheduler {
   /// As `close`.
   ~Scheduler();
 
+  /// Nothing happens if it is there already.
   void add(std::shared_ptr<Workload> workload);
   /// No further task of it is taken; those that run go on.
   void remove(const Workload& workload);
@@ -59,6 +67,13 @@ class Scheduler {
 
     double virtual_time() const { return head_start + consumed + running * last_task; }
   };
+  struct Group {
+    double time = 0;        ///< seconds consumed, or counted as such at arrival
+    double in_advance = 0;  ///< charged for running tasks
+    int workloads = 0;
+
+    double virtual_time() const { return time + in_advance; }
+  };
 
   void work();
   /// The entry whose task to run and the task; with `mutex_` held.
@@ -67,6 +82,7 @@ class Scheduler {
   mutable std::mutex mutex_;
   std::condition_variable wake_;
   std::vector<std::shared_ptr<Entry>> entries_;
+  std::map<int, Group> groups_;
   int busy_ = 0;
   bool closed_ = false;
   std::function<void()> prepare_thread_;

@@ -12,8 +12,8 @@ namespace {
 /// Tasks that spin for a fixed time, until `limit` were taken.
 class SpinningWorkload : public Workload {
  public:
-  SpinningWorkload(Clock::duration task, int limit, int threads = 1000)
-      : task_(task), left_(limit), threads_(threads) {}
+  SpinningWorkload(Clock::duration task, int limit, int threads = 1000, int group = 0, int urgency = 0)
+      : task_(task), left_(limit), threads_(threads), group_(group), urgency_(urgency) {}
 
   std::function<void()> take() override {
     if (left_ == 0) return {};
@@ -30,6 +30,8 @@ class SpinningWorkload : public Workload {
     };
   }
   int max_threads() const override { return threads_; }
+  int group() const override { return group_; }
+  int urgency() const override { return urgency_; }
   int done() const { return done_; }
   int most_running() const { return most_running_; }
 
@@ -37,6 +39,8 @@ class SpinningWorkload : public Workload {
   Clock::duration task_;
   int left_;
   int threads_;
+  int group_;
+  int urgency_;
   std::atomic<int> running_ = 0;
   std::atomic<int> most_running_ = 0;
   std::atomic<int> done_ = 0;
@@ -110,6 +114,78 @@ TEST(Scheduler, ALateWorkloadStartsLevel) {
   wait_for([&] { return late->done() >= 40; });
   // Were the late one to catch up first, the early one would have had next to nothing.
   EXPECT_GT(early->done() - before, 10);
+}
+
+std::shared_ptr<SpinningWorkload> endless(int group, int urgency = 0) {
+  return std::make_shared<SpinningWorkload>(std::chrono::milliseconds(1), 1'000'000, 1000, group, urgency);
+}
+
+// One user with one job against another with nine: half of the time each.
+TEST(Scheduler, GroupsShareBeforeTheirWorkloads) {
+  Scheduler scheduler(2, [] {});
+  const auto lone = endless(1);
+  scheduler.add(lone);
+  std::vector<std::shared_ptr<SpinningWorkload>> many;
+  for (int i = 0; i < 9; ++i) {
+    many.push_back(endless(2));
+    scheduler.add(many.back());
+  }
+  wait_for([&] { return scheduler.consumed_seconds(*lone) > 0.2; });
+  double others = 0;
+  for (const auto& workload : many) others += scheduler.consumed_seconds(*workload);
+  const double alone = scheduler.consumed_seconds(*lone);
+  // Without groups the lone job would have a tenth.
+  EXPECT_GT(alone, 0.5 * others);
+  EXPECT_GT(others, 0.5 * alone);
+}
+
+TEST(Scheduler, TheUrgentOfAGroupGoFirstAndOtherGroupsDoNotMind) {
+  Scheduler scheduler(1, [] {});
+  const auto batch = endless(1, 2);
+  const auto stranger = endless(2, 3);
+  scheduler.add(batch);
+  scheduler.add(stranger);
+  wait_for([&] { return batch->done() > 20 && stranger->done() > 20; });
+  const auto urgent = std::make_shared<SpinningWorkload>(std::chrono::milliseconds(1), 100, 1000, 1, 1);
+  scheduler.add(urgent);
+  const int batch_before = batch->done();
+  const int stranger_before = stranger->done();
+  wait_for([&] { return urgent->done() == 100; });
+  // The task that ran when the urgent ones came, and one that may have been taken after their last.
+  EXPECT_LE(batch->done() - batch_before, 2);
+  EXPECT_GT(stranger->done() - stranger_before, 50);
+  wait_for([&, now = batch->done()] { return batch->done() > now + 10; });
+}
+
+TEST(Scheduler, AGroupThatComesBackIsNeitherOwedNorPunished) {
+  Scheduler scheduler(1, [] {});
+  const auto present = endless(1);
+  auto absent = endless(2);
+  scheduler.add(present);
+  wait_for([&] { return present->done() > 100; });
+  scheduler.add(absent);
+  wait_for([&] { return absent->done() >= 40; });
+  // Had it been owed the hundred, the other would have had next to nothing meanwhile.
+  EXPECT_GT(present->done(), 110);
+  scheduler.remove(*absent);
+  const int before = present->done();
+  wait_for([&] { return present->done() > before + 50; });
+  absent = endless(2);
+  scheduler.add(absent);
+  const int again = present->done();
+  wait_for([&] { return absent->done() >= 40; });
+  EXPECT_GT(present->done() - again, 10);
+}
+
+TEST(Scheduler, AddingTwiceIsAddingOnce) {
+  Scheduler scheduler(1, [] {});
+  const auto workload = endless(1);
+  scheduler.add(workload);
+  scheduler.add(workload);
+  scheduler.remove(*workload);
+  const int done = workload->done();
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  EXPECT_LE(workload->done(), done + 1);
 }
 
 TEST(Scheduler, RespectsTheThreadLimitOfAWorkload) {

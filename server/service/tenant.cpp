@@ -1,0 +1,59 @@
+#include "service/tenant.h"
+
+#include <set>
+#include <utility>
+
+#include "service/limits.h"
+
+namespace fogbank::service {
+
+Tenant::Tenant(std::string name_to_use, int number, const std::filesystem::path& folder,
+               const TenantSettings& settings, SharedServices& shared)
+    : name(std::move(name_to_use)),
+      blobs(folder / "blobs"),
+      scenes({.folder = folder / "scenes", .scene_root = settings.scene_root}, blobs, shared.loader),
+      caches({.folder = folder / "caches", .disk_budget_bytes = settings.cache_disk_bytes}),
+      jobs({.folder = folder / "jobs", .group = number, .jobs_outlive_server = settings.jobs_outlive_server},
+           scenes, caches, blobs, shared.scheduler, shared.writer, shared.films, shared.films_freed,
+           [this] { pump.news(); }),
+      probes{.scenes = scenes,
+             .scheduler = shared.scheduler,
+             .control = shared.control,
+             .pump = probe_pump,
+             .group = number},
+      fills{.scenes = scenes,
+            .caches = caches,
+            .scheduler = shared.scheduler,
+            .control = shared.control,
+            .pump = fill_pump,
+            .group = number} {}
+
+void Tenant::sweep() {
+  std::set<std::string> in_use = scenes.blobs_in_use();
+  in_use.merge(jobs.blobs_in_use());
+  blobs.sweep(in_use, std::chrono::seconds(static_cast<int64_t>(limits::blob_lifetime_seconds)),
+              std::chrono::seconds(static_cast<int64_t>(limits::partial_upload_lifetime_seconds)));
+  caches.keep_within_budget();
+}
+
+void Tenant::shut_down() {
+  scenes.shut_down();
+  jobs.shut_down();
+  probes.shutting_down = true;
+  probe_pump.news();
+  fills.shutting_down = true;
+  fill_pump.news();
+}
+
+bool Tenant::idle() const {
+  return jobs.unfinished() == 0 && pump.streams() == 0 && probe_pump.streams() == 0 &&
+         fill_pump.streams() == 0;
+}
+
+void Tenant::close() {
+  pump.close();
+  probe_pump.close();
+  fill_pump.close();
+}
+
+}  // namespace fogbank::service
