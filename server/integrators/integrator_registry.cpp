@@ -33,8 +33,9 @@ const std::vector<Entry>& entries() {
           const IntegratorSettings& settings) -> std::unique_ptr<Integrator> {
          return std::make_unique<RadianceCacheIntegrator>(std::move(world), settings);
        }},
-      {{"radiance-cache-unaware",
-        "the rival: a cache whose derivatives don't see occlusion, of all light that fog scatters"},
+      {{.name = "radiance-cache-unaware",
+        .summary = "the rival: a cache whose derivatives don't see occlusion, of all light that fog scatters",
+        .cached = true},
        [](std::shared_ptr<const transport::World> world,
           const IntegratorSettings& settings) -> std::unique_ptr<Integrator> {
          return std::make_unique<RadianceCacheIntegrator>(std::move(world), settings, unaware_technique);

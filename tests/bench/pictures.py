@@ -7,16 +7,16 @@ denoising is. CPU seconds are those of all threads.
 
 from __future__ import annotations
 
-import time
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import OpenEXR
-import pyoidn
+from fogbank.comparison import image_error
+from fogbank.comparison.analysis import seconds_to
+from fogbank.comparison.denoise import denoise
+from fogbank.comparison.exr_writer import write_exr
 
-from tests.bench import comparison, engines, image_error
+from tests.bench import comparison, engines
 from tests.bench.comparison import Case
 
 REFERENCES = engines.OUTPUT / "references"
@@ -69,17 +69,12 @@ def references(case: Case, threads: int) -> tuple[Path, Path]:
 
 
 def denoised(path: Path) -> float:
-    """Replaces the picture by its denoised version (colour alone, which in fog is better than with guides); CPU
-    seconds.
-    """
-    noisy = np.ascontiguousarray(image_error.read(path), dtype=np.float32)
-    pyoidn.denoise(noisy, hdr=True)  # the first call loads the network
-    start = time.process_time()
-    clean = pyoidn.denoise(noisy, hdr=True)
-    seconds = time.process_time() - start
-    with OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, {"RGB": clean}) as file:
-        file.write(str(path))
-    return seconds
+    """Replaces the picture by its denoised version; CPU seconds."""
+    noisy = image_error.read(path)
+    denoise(noisy)  # the first call loads the network
+    clean = denoise(noisy)
+    write_exr(path, clean.pixels)
+    return clean.cpu_seconds
 
 
 def measure(case: Case, threads: int) -> dict[str, Any]:
@@ -119,18 +114,9 @@ def measure(case: Case, threads: int) -> dict[str, Any]:
     return {"scene": case.name, "width": case.width, "height": case.height, "lines": lines}
 
 
-def seconds_to(lines: list[dict[str, Any]], method: str, error: float) -> float | None:
-    """CPU seconds to a trimmed relative MSE, between the measured points by a power law; None: not reached."""
-    points = sorted((line["cpu_seconds"], line["trimmed"]) for line in lines if line["method"] == method)
-    before: tuple[float, float] | None = None
-    for seconds, reached in points:
-        if reached <= error:
-            if before is None or reached <= 0 or before[1] <= 0:
-                return float(seconds)
-            slope = np.log(seconds / before[0]) / np.log(reached / before[1])
-            return float(before[0] * (error / before[1]) ** slope)
-        before = (seconds, reached)
-    return None
+def cpu_seconds_to(lines: list[dict[str, Any]], method: str, error: float) -> float | None:
+    """CPU seconds to a trimmed relative MSE; None: not reached."""
+    return seconds_to([(line["cpu_seconds"], line["trimmed"]) for line in lines if line["method"] == method], error)
 
 
 def table(results: list[dict[str, Any]]) -> str:
@@ -147,8 +133,8 @@ def table(results: list[dict[str, Any]]) -> str:
                 f" {line['percentile_99']:7.4f} {line.get('records', ''):>8}"
             )
         goal = GOALS[result["scene"]]
-        ours = seconds_to(result["lines"], "radiance-cache", goal)
-        theirs = seconds_to(result["lines"], "mitsuba+oidn", goal)
+        ours = cpu_seconds_to(result["lines"], "radiance-cache", goal)
+        theirs = cpu_seconds_to(result["lines"], "mitsuba+oidn", goal)
         lines.append(
             f"{'':10} to relMSE {goal:g}: radiance-cache {ours or float('nan'):.1f} (goal {GOAL_SECONDS:g}),"
             f" mitsuba+oidn {theirs or float('nan'):.1f} CPU s"

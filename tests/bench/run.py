@@ -13,11 +13,11 @@ import argparse
 import dataclasses
 import json
 import os
-import platform
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
+
+from fogbank.comparison.machine import processor
 
 from tests.bench import (
     cache,
@@ -32,14 +32,6 @@ from tests.bench import (
     records,
     serving,
 )
-
-
-def processor() -> str:
-    """Its name, as far as the system tells."""
-    for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-        if line.startswith("model name"):
-            return line.partition(":")[2].strip()
-    return platform.machine()
 
 
 def save(name: str, results: Any) -> None:  # noqa: ANN401 - JSON

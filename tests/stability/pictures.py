@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from fogbank.comparison import image_error
 
-from tests.bench import engines, image_error
+from tests.bench import engines
 
 SIDE = 24
 ERROR = 0.05

@@ -8,8 +8,8 @@ from typing import Unpack
 import click
 import fogbank
 from fogbank import RenderOptions
+from fogbank.cache_picture import draw
 
-from fogbank_cli.cache_picture import draw
 from fogbank_cli.camera_paths import camera_path_options, path_cameras
 from fogbank_cli.filling import fill
 from fogbank_cli.output import quantity

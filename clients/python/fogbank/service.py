@@ -110,6 +110,11 @@ class Service:
         return self._server is not None
 
     @property
+    def server_process_id(self) -> int | None:
+        """Of the embedded server; None when the server is not embedded."""
+        return None if self._server is None else self._server.process_id
+
+    @property
     def capabilities(self) -> Capabilities:
         """What the server is and can do, as it said when the connection was made."""
         return self._capabilities

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from tests.bench import image_error
-from tests.bench.image_error import Pixels
+from fogbank.comparison import image_error
+from fogbank.comparison.image_error import Pixels
 
 
 def picture(seed: int) -> Pixels:

@@ -1,0 +1,156 @@
+"""What the runs of a comparison say: means over seeds, time to an error, who wins where."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+import numpy as np
+import pandas as pd
+
+from fogbank.comparison.image_error import read, split
+from fogbank.comparison.references import Reference
+from fogbank.comparison.runs import Run
+
+Clock: TypeAlias = Literal["cpu_seconds", "wall_seconds"]
+
+CURVE = "trimmed"
+"""The error that curves and times are of: relative MSE without the worst 0.1 % of the pixels."""
+_MOST_LEVELS = 6
+_STEPS = (1.0, 2.0, 5.0)
+
+COLUMNS = (
+    *("method", "budget", "seed", "status", "message"),
+    *("wall_seconds", "cpu_seconds", "denoise_seconds", "startup_seconds", "load_seconds", "warm_up_seconds"),
+    *("samples_per_pixel", "rays", "records", "peak_bytes"),
+    *("mse", "relative_mse", "trimmed", "smape", "flip", "soft", "median", "percentile_99"),
+)
+"""Of results.csv; see `runs.Run`, `worker.Started`, `worker.Rendered` and `image_error.ImageError`."""
+
+
+def table(runs: Sequence[Run]) -> pd.DataFrame:
+    """A row for each run, failed ones too; columns COLUMNS."""
+    rows = []
+    for run in runs:
+        fields = {"method": run.method, "budget": run.budget, "seed": run.seed, "status": run.status}
+        fields |= {"message": run.message} | run.figures | run.errors
+        rows.append([fields.get(name) for name in COLUMNS])
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def summary(results: pd.DataFrame) -> pd.DataFrame:
+    """A row for each method and budget that has a picture: means over the seeds, least and greatest error."""
+    done = results[results["status"] == "done"]
+    numbers = list(COLUMNS[COLUMNS.index("wall_seconds") :])
+    done = done.astype(dict.fromkeys(numbers, float))
+    grouped = done.groupby(["method", "budget"], sort=False)
+    means = grouped[numbers].mean()
+    means["seeds"] = grouped.size()
+    means["least"] = grouped[CURVE].min()
+    means["greatest"] = grouped[CURVE].max()
+    return means.reset_index()
+
+
+def bias_and_variance(images: Mapping[tuple[str, float, int], Path], reference: Reference) -> pd.DataFrame:
+    """Bias and variance of each method and budget that has two seeds or more, see `image_error.BiasVariance`."""
+    groups: dict[tuple[str, float], list[Path]] = {}
+    for (method, budget, _), path in images.items():
+        groups.setdefault((method, budget), []).append(path)
+    rows = []
+    for (method, budget), paths in groups.items():
+        if len(paths) < 2:
+            continue
+        found = split([read(path) for path in paths], reference.half_a, reference.half_b)
+        rows.append((method, budget, len(paths), found.bias_squared, found.variance))
+    return pd.DataFrame(rows, columns=["method", "budget", "seeds", "bias_squared", "variance"])
+
+
+def seconds_to(points: Sequence[tuple[float, float]], error: float) -> float | None:
+    """Seconds to an error, between measured points (seconds, error) by a power law.
+
+    Returns the first point's seconds when it is good enough already, None when no point is. Extrapolates nothing.
+    """
+    before: tuple[float, float] | None = None
+    for seconds, reached in sorted(points):
+        if reached <= error:
+            if before is None or reached <= 0 or before[1] <= 0:
+                return float(seconds)
+            slope = math.log(seconds / before[0]) / math.log(reached / before[1])
+            return float(before[0] * (error / before[1]) ** slope)
+        before = (seconds, reached)
+    return None
+
+
+def curve(means: pd.DataFrame, method: str, clock: Clock) -> list[tuple[float, float]]:
+    """Points (seconds, error) of a method in the order of time."""
+    rows = means[means["method"] == method]
+    return sorted(zip(rows[clock].tolist(), rows[CURVE].tolist(), strict=True))
+
+
+def levels(means: pd.DataFrame) -> list[float]:
+    """Errors worth a row: 1, 2, 5 times powers of ten that some method reaches and some doesn't begin below."""
+    errors = means[CURVE][means[CURVE] > 0]
+    if errors.empty:
+        return []
+    least, greatest = float(errors.min()), float(errors.max())
+    powers = range(math.floor(math.log10(least)), math.ceil(math.log10(greatest)) + 1)
+    # Through its decimal form: 2 * 10 ** -3 is not 0.002.
+    steps = [float(f"{step:g}e{power}") for power in powers for step in _STEPS]
+    inside = [level for level in steps if least <= level < greatest]
+    if len(inside) > _MOST_LEVELS:
+        chosen = np.linspace(0, len(inside) - 1, _MOST_LEVELS).round().astype(int)
+        inside = [inside[index] for index in chosen]
+    return sorted(inside, reverse=True)
+
+
+def time_to_error(means: pd.DataFrame, methods: Sequence[str], base: str, clock: Clock) -> pd.DataFrame:
+    """Rows (error, method, seconds, at_most, ratio): time to each of `levels`.
+
+    `at_most` marks a method whose first picture was better already. `ratio` is the method's time by that of `base`:
+    above 1 it is slower. Missing numbers: never got there.
+    """
+    rows = []
+    for level in levels(means):
+        reference = seconds_to(curve(means, base, clock), level)
+        for method in methods:
+            points = curve(means, method, clock)
+            seconds = seconds_to(points, level)
+            ratio = seconds / reference if seconds is not None and reference is not None else None
+            rows.append((level, method, seconds, bool(points) and points[0][1] <= level, ratio))
+    return pd.DataFrame(rows, columns=["error", "method", "seconds", "at_most", "ratio"])
+
+
+def choose_base(methods: Sequence[str]) -> str:
+    """Whom the others are compared with: the cache, else the first."""
+    return "radiance-cache" if "radiance-cache" in methods else methods[0]
+
+
+def verdicts(means: pd.DataFrame, times: pd.DataFrame, methods: Sequence[str], base: str) -> list[str]:
+    """Sentences that say where `base` wins and where it loses, against each method."""
+    sentences = []
+    ours = means[means["method"] == base].set_index("budget")[CURVE]
+    for method in methods:
+        if method == base:
+            continue
+        theirs = means[means["method"] == method].set_index("budget")[CURVE]
+        ratios = (theirs / ours).dropna()
+        ratios = ratios[np.isfinite(ratios) & (ratios > 0)]
+        if ratios.empty:
+            continue
+        lost = [f"{budget:g}" for budget in ratios.index[ratios < 1.0]]
+        won = [f"{budget:g}" for budget in ratios.index[ratios > 1.0]]
+        parts = []
+        if won:
+            parts.append(f"{base} has the smaller error at budget {', '.join(won)}")
+        if lost:
+            parts.append(f"{method} has the smaller error at budget {', '.join(lost)}")
+        between = f"error of {method} / error of {base} between {ratios.min():.2g} and {ratios.max():.2g}"
+        reached = times[(times["method"] == method) & times["seconds"].notna()]["error"]
+        mine = times[(times["method"] == base) & times["seconds"].notna()]["error"]
+        only = sorted(set(reached) - set(mine))
+        if only:
+            parts.append(f"only {method} reached {', '.join(f'{level:g}' for level in only)}")
+        sentences.append(f"Against {method}: {'; '.join(parts) or 'equal'}; {between}.")
+    return sentences
