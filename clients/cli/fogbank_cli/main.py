@@ -15,10 +15,12 @@ import click
 from fogbank import FogbankError
 
 from fogbank_cli.cache import cache
+from fogbank_cli.compare import compare
 from fogbank_cli.exit_codes import ExitCode, exit_code, help_table
 from fogbank_cli.job import job
 from fogbank_cli.plan import plan
 from fogbank_cli.probe import probe
+from fogbank_cli.reference import reference
 from fogbank_cli.render import render
 from fogbank_cli.reproduce import reproduce
 from fogbank_cli.scene import scene
@@ -41,6 +43,8 @@ COMMANDS: tuple[click.Command, ...] = (
     server,
     token,
     tls,
+    compare,
+    reference,
     reproduce,
 )
 

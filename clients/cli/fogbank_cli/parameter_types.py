@@ -118,6 +118,42 @@ class SizeInBytesType(click.ParamType[int]):
         return int(size)
 
 
+class DurationType(click.ParamType[float]):
+    """Seconds, with s, m or h after the number for seconds, minutes and hours."""
+
+    name = "TIME"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Seconds."""
+        text = str(value).strip().lower()
+        factor = {"s": 1.0, "m": 60.0, "h": 3600.0}.get(text[-1:], 0.0)
+        try:
+            seconds = float(text[:-1]) * factor if factor else float(text)
+        except ValueError:
+            seconds = math.nan
+        if not (math.isfinite(seconds) and seconds > 0.0):
+            self.fail(f"'{value}' is not a time; write for example 90, 90s, 30m or 2h", param, ctx)
+        return seconds
+
+
+class NumbersType(click.ParamType[tuple[float, ...]]):
+    """N,N,... all above 0."""
+
+    name = "N,N,..."
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+        """The numbers, in their order."""
+        if isinstance(value, tuple):
+            return value
+        try:
+            numbers = tuple(float(part) for part in str(value).split(","))
+        except ValueError:
+            numbers = ()
+        if not numbers or not all(math.isfinite(number) and number > 0.0 for number in numbers):
+            self.fail(f"'{value}' is not a list of positive numbers; write for example 1,2,5", param, ctx)
+        return numbers
+
+
 class AssignmentType(click.ParamType[tuple[str, str]]):
     """name=value."""
 

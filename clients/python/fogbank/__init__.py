@@ -28,6 +28,7 @@ from fogbank.cache_view import CacheComponent, CacheView, Plan, RecordExtents
 from fogbank.camera import CameraLike
 from fogbank.camera_path import interpolate, orbit, read_keyframes
 from fogbank.capabilities import Capabilities, Limit, ServerStatus
+from fogbank.comparison import compare
 from fogbank.credentials import Credentials
 from fogbank.errors import (
     AbortedError,
@@ -127,6 +128,7 @@ __all__ = [
     "UploadProgress",
     "VerifyReport",
     "Window",
+    "compare",
     "connect",
     "interpolate",
     "orbit",

@@ -170,17 +170,11 @@ def _invalid(field: str, what: str) -> InvalidArgumentError:
 
 def _prepare(request: Request, folder: Path) -> tuple[Path, tuple[int, int]]:
     """The scene as all methods get it, and its size."""
-    original = Path(request.scene)
-    text = original.read_text(encoding="utf-8")
-    width, height = scene_text.film_size(scene_text.prepare_parameters(text, request.parameters))
-    if request.size is not None:
-        wide, high = request.size
-        size = (wide or round((high or 0) * width / height), high or round((wide or 0) * height / width))
-    elif request.reference is not None:
-        pixels = load_reference(Path(request.reference)).half_a
-        size = (pixels.shape[1], pixels.shape[0])
-    else:
-        size = (width, height)
+    original, wanted = Path(request.scene), request.size
+    if wanted is None and request.reference is not None:
+        height, width = load_reference(Path(request.reference)).half_a.shape[:2]
+        wanted = width, height
+    size = scene_text.choose_size(original, request.parameters, wanted)
     return scene_text.prepare_scene(original, folder / "scene", size, request.parameters), size
 
 

@@ -48,7 +48,7 @@ def parse_methods(
     """Methods by their names, in their order.
 
     Args:
-        names: an integrator, perhaps with options ("radiance-cache:spheres,single_scattering=direct"), "mitsuba",
+        names: an integrator, perhaps with options ("radiance-cache:spheres+single_scattering=direct"), "mitsuba",
             "mitsuba+oidn", or one of `adapters`.
         integrators: those of the server.
         cached: those of them that make records.
@@ -92,7 +92,7 @@ def _missing(*modules: str) -> str:
 
 def _parse_options(text: str) -> dict[str, Any]:
     options: dict[str, Any] = {}
-    for part in filter(None, text.split(",")):
+    for part in filter(None, text.split("+")):
         name, _, value = part.partition("=")
         name = name.replace("-", "_")
         if name not in _OPTIONS:

@@ -65,6 +65,18 @@ def film_size(text: str) -> tuple[int, int]:
     return size["width"], size["height"]
 
 
+def choose_size(
+    path: Path, parameters: Mapping[str, str], size: tuple[int | None, int | None] | None
+) -> tuple[int, int]:
+    """Width and height: those given, one of them following from the scene's shape, else the scene's own."""
+    try:
+        width, height = film_size(prepare_parameters(path.read_text(encoding="utf-8"), parameters))
+    except (ElementTree.ParseError, ValueError) as error:
+        raise InvalidSceneError(f"{path}: {error}") from None
+    wide, high = size or (width, height)
+    return wide or max(1, round((high or 0) * width / height)), high or max(1, round((wide or 0) * height / width))
+
+
 def mitsuba_rr_depth(text: str) -> int:
     """Where the scene file has Russian roulette begin; 5, Mitsuba's default, where it doesn't say."""
     tree = ElementTree.fromstring(text)
@@ -84,8 +96,10 @@ def prepare_scene(path: Path, folder: Path, size: tuple[int, int], parameters: M
     target = folder / path.name
     folder.mkdir(parents=True, exist_ok=True)
     try:
-        text = path.read_text(encoding="utf-8")
-        target.write_text(prepare_text(text, size, parameters), encoding="utf-8")
+        original = path.read_text(encoding="utf-8")
+        ElementTree.fromstring(original)  # text that is no XML is not worth changing
+        text = prepare_text(original, size, parameters)
+        target.write_text(text, encoding="utf-8")
         _bring_files(ElementTree.fromstring(text), source, folder)
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
         raise InvalidSceneError(f"{path}: {error}") from None
