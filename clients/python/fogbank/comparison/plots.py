@@ -1,14 +1,17 @@
-"""Plots of the report."""
+"""Plots of errors."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal, TypeAlias
 
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from fogbank.comparison.analysis import CURVE, Clock
 
@@ -19,7 +22,9 @@ _LABELS: dict[Axis, str] = {
     "wall_seconds": "wall-clock time, s (without start-up, loading, compilation)",
     "records": "records",
 }
+_ERROR_LABEL = "relative MSE, worst 0.1 % of the pixels left out"
 _MARKERS = "osD^vPX*"
+_COLUMNS = 3
 
 
 def error_plot(
@@ -44,24 +49,57 @@ def error_plot(
     figure = Figure(figsize=(7.6, 5.0), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
-    for number, method in enumerate(methods):
-        rows = means[(means["method"] == method) & (means[CURVE] > 0)].sort_values(axis)
-        if rows.empty:
-            continue
-        (line,) = axes.plot(
-            rows[axis], rows[CURVE], marker=_MARKERS[number % len(_MARKERS)], markersize=5, label=method
-        )
-        least = rows["least"].clip(lower=rows[CURVE].min() / 10)
-        axes.fill_between(rows[axis], least, rows["greatest"], color=line.get_color(), alpha=0.18, linewidth=0)
+    _draw(axes, means, methods, axis)
     if floor is not None:
         axes.axhline(floor, color="0.5", linestyle=":", linewidth=1, label="noise of the reference, which cancels")
-    axes.set_xscale("log")
-    axes.set_yscale("log")
     axes.set_xlabel(_LABELS[axis])
-    axes.set_ylabel("relative MSE, worst 0.1 % of the pixels left out")
+    axes.set_ylabel(_ERROR_LABEL)
     axes.set_title(title, fontsize=11)
-    axes.grid(which="both", color="0.9", linewidth=0.6)
-    axes.set_axisbelow(True)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(frameon=False, fontsize=9)
     figure.savefig(path, dpi=120)
+
+
+def error_plots(means: Mapping[str, pd.DataFrame], path: Path) -> None:
+    """A panel of error against CPU time for each scene, as PNG; `means` of `analysis.summary` by scene."""
+    rows = max(1, math.ceil(len(means) / _COLUMNS))
+    figure = Figure(figsize=(3.7 * _COLUMNS, 3.0 * rows + 0.5), layout="constrained")
+    FigureCanvasAgg(figure)
+    # The same method has the same colour in every panel.
+    methods = list(dict.fromkeys(method for found in means.values() for method in found["method"]))
+    for number, (scene, found) in enumerate(means.items()):
+        axes = figure.add_subplot(rows, _COLUMNS, number + 1)
+        _draw(axes, found, methods, "cpu_seconds")
+        axes.set_title(scene, fontsize=11)
+        if number == 0:
+            figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False)
+    figure.supxlabel("CPU time, s", fontsize=10)
+    figure.supylabel(_ERROR_LABEL, fontsize=10)
+    figure.savefig(path, dpi=100)
+
+
+def _draw(axes: Axes, means: pd.DataFrame, methods: Sequence[str], axis: Axis) -> None:
+    for number, method in enumerate(methods):
+        rows = means[(means["method"] == method) & (means[CURVE] > 0)].sort_values(axis)
+        colour = f"C{number}"
+        axes.plot(
+            rows[axis],
+            rows[CURVE],
+            marker=_MARKERS[number % len(_MARKERS)],
+            markersize=5,
+            color=colour,
+            label=method,
+        )
+        if not rows.empty:
+            least = rows["least"].clip(lower=rows[CURVE].min() / 10)
+            axes.fill_between(rows[axis], least, rows["greatest"], color=colour, alpha=0.18, linewidth=0)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    for ruler in (axes.xaxis, axes.yaxis):
+        # Numbers at 1, 2, 5: a comparison often spans less than two decades.
+        ruler.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ruler.set_minor_formatter(NullFormatter())
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.grid(which="both", color="0.9", linewidth=0.6)
+    axes.set_axisbelow(True)

@@ -150,7 +150,7 @@ def make_reference(
     Args:
         scene: to render; references of comparisons have the filter box (`scene_text`).
         path: NAME.exr.
-        seconds: wall-clock seconds of rendering in all, those of earlier runs included.
+        seconds: wall-clock seconds of rendering in all, those of earlier runs included; a tenth may be added.
         error: ends earlier when the residual is no greater; relative, root mean square.
         size: width and height; the scene's by default.
         max_depth: greatest path length; the scene's by default.
@@ -172,10 +172,9 @@ def make_reference(
             if state.seconds >= seconds or (error is not None and (state.residual or 0.0) <= error):
                 return state
         half = min(halves, key=lambda half: half.state.rounds)
-        spent = sum(half.state.seconds for half in halves)
         samples = _PILOT_SAMPLES
         if pace > 0.0:
-            round_seconds = min(seconds / _ROUNDS, max(seconds - spent, 0.0), _LONGEST_ROUND_SECONDS)
+            round_seconds = min(seconds / _ROUNDS, _LONGEST_ROUND_SECONDS)
             samples = max(1, int(round_seconds / 2 / pace))
         if half is halves[1] and halves[0].last_samples:
             samples = halves[0].last_samples
