@@ -1,7 +1,10 @@
 """Measures what the README promises, prints tables and writes out/bench/*.json.
 
     python -m tests.bench.run [comparison] [embree] [loading] [serving] [form_factors] [derivatives]
-                              [records] [leaving_out] [cache] [generations] [pictures]      all of them by default
+                              [records] [leaving_out] [cache] [generations] [pictures] [watch]
+                                                                                            all of them by default
+
+`watch` is the regression watch: it adds to tests/bench/history.json and ends with status 1 when something got worse.
 
 Figures depend on the machine and on what else it does; ratios, of runs that take turns, much less. See the modules for
 what exactly is measured.
@@ -31,6 +34,7 @@ from tests.bench import (
     pictures,
     records,
     serving,
+    watch,
 )
 
 
@@ -136,6 +140,14 @@ def main() -> None:
                 save("pictures", results)
         return pictures.table(results)
 
+    worse: list[str] = []
+
+    def run_watch() -> str:
+        findings = watch.watch(options.threads, lambda doing: print(doing, flush=True))
+        save("watch", watch.results(findings))
+        worse.extend(found.name for found in findings if found.failed)
+        return watch.table(findings)
+
     parts: dict[str, Callable[[], str]] = {
         "comparison": run_comparison,
         "embree": run_embree,
@@ -148,6 +160,7 @@ def main() -> None:
         "cache": run_cache,
         "generations": run_generations,
         "pictures": run_pictures,
+        "watch": run_watch,
     }
     unknown = set(options.parts) - set(parts)
     if unknown:
@@ -155,6 +168,8 @@ def main() -> None:
     print(f"{processor()}, {os.cpu_count()} cores, load average {os.getloadavg()[0]:.1f}")
     for name in options.parts or parts:
         print(f"\n== {name}\n{parts[name]()}", flush=True)
+    if worse:
+        raise SystemExit(f"worse than before: {', '.join(worse)}")
 
 
 if __name__ == "__main__":
