@@ -9,7 +9,7 @@ python := .venv/bin/python
 export FOGBANK_SERVER_BINARY := $(CURDIR)/$(build_folder)/bin/fogbankd
 
 .DEFAULT_GOAL := help
-.PHONY: help setup stubs build demo test test-faults install bench evidence stability soak format lint lock clean
+.PHONY: help setup stubs build demo test test-faults install bench evidence watch stability soak format lint lock clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{ printf "make %-11s %s\n", $$1, $$2 }'
@@ -41,6 +41,9 @@ install: build ## link the fogbank command into PREFIX/bin (default /usr/local)
 
 bench: build ## the figures of the README: speed against Mitsuba 3, streaming, start-up
 	@$(python) -m tests.bench.run
+
+watch: build ## the short part of bench: figures that depend little on the machine, their history, and what got worse
+	@$(python) -m tests.bench.run watch
 
 evidence: build ## the README's comparison with other renderers: reports in out/evidence; BUDGETS=1,3 SEEDS=1 for a short one
 	@$(python) -m tests.bench.evidence $(if $(BUDGETS),--budgets $(BUDGETS)) $(if $(SEEDS),--seeds $(SEEDS)) \
