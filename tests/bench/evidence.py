@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import re
 import subprocess
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -130,8 +131,13 @@ def losses(found: dict[str, Comparison]) -> list[str]:
         for budget, row in errors.iterrows():
             best = str(row.idxmin())
             if best != base and row[best] > 0:
-                lines.append(f"{name} at {budget:g} s: {best} {row[base] / row[best]:.2g} times better")
+                lines.append(f"{name} at {budget:g} s: {best} {row[base] / row[best]:.2g} times less")
     return lines
+
+
+def wrapped(text: str) -> str:
+    """As the README's own lines."""
+    return textwrap.fill(text, 120, break_on_hyphens=False)
 
 
 def section(found: dict[str, Comparison], options: argparse.Namespace) -> str:
@@ -145,15 +151,19 @@ def section(found: dict[str, Comparison], options: argparse.Namespace) -> str:
     lost = losses(found)
     lines = [
         BEGIN,
-        "CPU seconds to a relative MSE (worst 0.1 % of the pixels left out), in brackets by those of the cache;"
-        f" {', '.join(sizes)}, budgets of {budgets} s, {options.seeds} seeds, caches empty at the start. Commit"
-        f" {commit}, {facts['processor']}, load {facts['load average']}, {facts['time']}.",
+        wrapped(
+            "CPU seconds to a relative MSE (worst 0.1 % of the pixels left out), in brackets by those of the cache;"
+            f" {', '.join(sizes)}, budgets of {budgets} s, pictures of each: {options.seeds}, caches empty at the start."
+            f" Commit {commit}, {facts['processor']}, load {facts['load average']}, {facts['time']}."
+        ),
         "",
         *table(found),
         "",
         f"![Error against CPU time, a panel for each scene]({PLOT})",
         "",
-        f"At equal time another method is better in: {'; '.join(lost)}." if lost else "No method is better anywhere.",
+        wrapped(
+            f"At equal time another method is better in: {'; '.join(lost)}." if lost else "Nothing else is better."
+        ),
     ]
     missing = [scene.name for scene in scenes() if scene.name not in found]
     if missing:

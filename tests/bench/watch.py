@@ -42,7 +42,7 @@ CACHE_SAMPLES = 256
 REMEMBERED = 5
 """Entries whose median the newest is held against."""
 TIMED = 2.0
-"""Worse by this factor is outside the noise of figures with CPU times in them: the machine's other work moves them by up
+"""Worse by this factor is outside the noise of figures with CPU times: the machine's other work moves them by up
 to a third even as ratios, and the few pixels' noise adds to that."""
 COUNTED = 1.5
 """The same of counts: they have no noise, but better pictures may need more work."""

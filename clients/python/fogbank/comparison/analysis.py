@@ -50,7 +50,11 @@ def summary(results: pd.DataFrame) -> pd.DataFrame:
     means["seeds"] = grouped.size()
     means["least"] = grouped[CURVE].min()
     means["greatest"] = grouped[CURVE].max()
-    return means.reset_index()
+    means = means.reset_index()
+    order = {method: number for number, method in enumerate(dict.fromkeys(results["method"]))}
+    return means.sort_values(
+        ["method", "budget"], key=lambda column: column.map(order) if column.name == "method" else column
+    ).reset_index(drop=True)
 
 
 def bias_and_variance(images: Mapping[tuple[str, float, int], Path], reference: Reference) -> pd.DataFrame:

@@ -62,18 +62,21 @@ def error_plot(
 
 def error_plots(means: Mapping[str, pd.DataFrame], path: Path) -> None:
     """A panel of error against CPU time for each scene, as PNG; `means` of `analysis.summary` by scene."""
-    rows = max(1, math.ceil(len(means) / _COLUMNS))
-    figure = Figure(figsize=(3.7 * _COLUMNS, 3.0 * rows + 0.5), layout="constrained")
+    columns = min(_COLUMNS, max(1, len(means)))
+    rows = max(1, math.ceil(len(means) / columns))
+    figure = Figure(figsize=(3.7 * columns + 0.4, 3.0 * rows + 0.8), layout="constrained")
     FigureCanvasAgg(figure)
     # The same method has the same colour in every panel.
     methods = list(dict.fromkeys(method for found in means.values() for method in found["method"]))
     for number, (scene, found) in enumerate(means.items()):
-        axes = figure.add_subplot(rows, _COLUMNS, number + 1)
+        axes = figure.add_subplot(rows, columns, number + 1)
         _draw(axes, found, methods, "cpu_seconds")
         axes.set_title(scene, fontsize=11)
+        if number + columns >= len(means):
+            axes.set_xlabel("CPU time, s")
         if number == 0:
-            figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False)
-    figure.supxlabel("CPU time, s", fontsize=10)
+            names = axes.get_legend_handles_labels()
+            figure.legend(*names, loc="outside lower center", ncols=2 * columns, frameon=False, fontsize=9)
     figure.supylabel(_ERROR_LABEL, fontsize=10)
     figure.savefig(path, dpi=100)
 
