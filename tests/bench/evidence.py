@@ -131,7 +131,7 @@ def losses(found: dict[str, Comparison]) -> list[str]:
         for budget, row in errors.iterrows():
             best = str(row.idxmin())
             if best != base and row[best] > 0:
-                lines.append(f"{name} at {budget:g} s: {best} {row[base] / row[best]:.2g} times less")
+                lines.append(f"{name} at {budget:g} s: {best} {row[base] / row[best]:.2g}")
     return lines
 
 
@@ -153,7 +153,7 @@ def section(found: dict[str, Comparison], options: argparse.Namespace) -> str:
         BEGIN,
         wrapped(
             "CPU seconds to a relative MSE (worst 0.1 % of the pixels left out), in brackets by those of the cache;"
-            f" {', '.join(sizes)}, budgets of {budgets} s, pictures of each: {options.seeds}, caches empty at the start."
+            f" {', '.join(sizes)}, budgets of {budgets} s, {options.seeds} pictures of each, caches empty at first."
             f" Commit {commit}, {facts['processor']}, load {facts['load average']}, {facts['time']}."
         ),
         "",
@@ -162,7 +162,9 @@ def section(found: dict[str, Comparison], options: argparse.Namespace) -> str:
         f"![Error against CPU time, a panel for each scene]({PLOT})",
         "",
         wrapped(
-            f"At equal time another method is better in: {'; '.join(lost)}." if lost else "Nothing else is better."
+            f"At equal time something else has the smaller error, by this factor: {'; '.join(lost)}."
+            if lost
+            else "At equal time nothing else has a smaller error."
         ),
     ]
     missing = [scene.name for scene in scenes() if scene.name not in found]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+from dataclasses import asdict
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -14,9 +15,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from fogbank.comparison.comparison import Comparison
+from fogbank.comparison.engine import Engine
 from fogbank.comparison.image_error import measure, read
 from fogbank.comparison.references import halves_of, load_reference, make_reference, read_state
 from fogbank.comparison.runner import ComparisonProgress
+from fogbank.comparison.scene_text import prepare_scene
+from fogbank.comparison.worker import Render, Start
 from fogbank.paths import server_binary
 from fogbank_cli.exit_codes import ExitCode
 from fogbank_cli.main import run
@@ -122,6 +126,43 @@ def test_an_interruption_loses_one_picture_at_most(tmp_path: Path) -> None:
     before = made.stat().st_mtime_ns
     assert compare(tmp_path).table["status"].tolist() == ["done", "done"]
     assert made.stat().st_mtime_ns == before
+
+
+def test_without_mitsuba_the_rest_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its row says what is missing."""
+    monkeypatch.setattr("fogbank.comparison.methods._missing", lambda *modules: f"{modules[0]} not installed")
+    found = compare(tmp_path, methods=["volpath", "mitsuba"])
+    assert found.table["status"].tolist() == ["done", "not installed"]
+    assert "mitsuba not installed" in found.report.read_text()
+
+
+def test_mitsuba_renders_what_we_render(tmp_path: Path) -> None:
+    """Size, depth and filter arrive: within the noise of its own seeds; and the denoiser takes noise away."""
+    pytest.importorskip("mitsuba", reason="NOT TESTED, Mitsuba is not installed")
+    pytest.importorskip("pyoidn", reason="NOT TESTED, OIDN is not installed")
+    size, depth = (24, 18), 3
+    scene = prepare_scene(PENUMBRA, tmp_path / "scene", size, {})
+    with fogbank.connect(data=tmp_path / "data") as service:
+        path = tmp_path / "r.exr"
+        make_reference(service.load(scene), path, seconds=2.0, size=size, max_depth=depth)
+    reference = load_reference(path)
+    images, errors = [], []
+    for denoise in (False, True):
+        settings = {"variant": "scalar_rgb", "denoise": denoise}
+        with Engine("mitsuba", 1 << 33) as engine:
+            engine.ask("start", 300.0, **asdict(Start(settings, str(scene), size, depth, 5, 1)))
+            for seed in range(4):
+                output = tmp_path / f"{denoise}_{seed}.exr"
+                done = engine.ask("render", 60.0, **asdict(Render(output=str(output), seed=seed, seconds=0.3)))
+                assert (done["denoise_seconds"] > 0) == denoise
+                images.append(read(output))
+        found = [measure(image, reference.half_a, reference.half_b).trimmed for image in images[-4:]]
+        errors.append(np.mean(found))
+    # The lower half is fog without the lamp. An edge more or less of the paths would change it by 16 or 33 %.
+    below = size[1] // 2
+    theirs = np.mean([image[below:].mean() for image in images[:4]])
+    assert theirs == pytest.approx(reference.mean[below:].mean(), rel=0.06)
+    assert errors[1] < 0.5 * errors[0]
 
 
 def test_equal_records(tmp_path: Path) -> None:
