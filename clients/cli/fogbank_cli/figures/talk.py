@@ -9,7 +9,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 
@@ -38,13 +38,16 @@ class TalkScene:
     size: tuple[int, int]
     what: str
     """For people, when it isn't there."""
+    parameters: dict[str, str] = field(default_factory=dict)
+    """Values for `$name` in the XML."""
 
 
 STATUES = (
     TalkScene("room_fog", SHARED / "data" / "statues" / "room_fog.xml", (192, 108), "a room with statues in fog"),
 )
 STAIRCASE = (
-    TalkScene("stairs", SCENES / "stairs" / "stairs.xml", (128, 128), "a stairwell"),
+    # Records are kept of isotropic fog.
+    TalkScene("stairs", SCENES / "stairs" / "stairs.xml", (128, 128), "a stairwell", {"g": "0"}),
     TalkScene("staircase2", SHARED / "data" / "staircase2" / "fog.xml", (192, 108), "a hall with floating steps"),
 )
 
@@ -157,9 +160,10 @@ def reproduce(session: Session, scenes: tuple[TalkScene, ...], folder: Path, pat
             for name in METHODS:
                 if name not in known:
                     output.note(f"{name} is no integrator of this server; left out")
-            overheads = measure_overhead(service.load(scene.path))
+            overheads = measure_overhead(service.load(scene.path, parameters=scene.parameters))
         common = {
             "seeds": how.seeds,
+            "parameters": scene.parameters,
             "size": how.size or (scene.size if all(scene.size) else None),
             "threads": how.threads,
             "command": shlex.join(["fogbank", *sys.argv[1:]]),
@@ -186,7 +190,8 @@ def reproduce(session: Session, scenes: tuple[TalkScene, ...], folder: Path, pat
                 **common,  # type: ignore[arg-type]
             )
         output.event("scene", scene=scene.name, reports=[by_time.report, by_records.report])
-        lines += tables(scene.name, by_time, by_records, overheads)
+        settings = "".join(f", {name} = {value}" for name, value in scene.parameters.items())
+        lines += tables(f"{scene.name}{settings}", by_time, by_records, overheads)
     summary = folder / "tables.md"
     summary.write_text("\n".join(lines) + "\n", encoding="utf-8")
     output.event("done", tables=summary)
