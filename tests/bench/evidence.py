@@ -130,8 +130,9 @@ def losses(found: dict[str, Comparison]) -> list[str]:
         base = choose_base(list(errors.columns))
         for budget, row in errors.iterrows():
             best = str(row.idxmin())
-            if best != base and row[best] > 0:
-                lines.append(f"{name} at {budget:g} s: {best} {row[base] / row[best]:.2g}")
+            if best != base:
+                factor = f"{row[base] / row[best]:.2g}" if row[best] > 0 else "more than the reference can tell"
+                lines.append(f"{name} at {budget:g} s: {best} {factor}")
     return lines
 
 

@@ -104,6 +104,18 @@ def test_residual_is_the_noise_of_the_mean() -> None:
     assert found == pytest.approx(0.02 / 1.01, rel=0.05)  # trimming takes 1 %
 
 
+def test_resolution_is_the_scatter_of_a_perfect_picture() -> None:
+    """Twice the standard error of 0.04 / 1.01 by the root of 12288 pixels; ours are independent in three channels, so
+    that a perfect picture's errors scatter by the root of 3 less.
+    """
+    true = np.ones((96, 128, 3))
+    halves = [noisy(true, 0.2, seed) for seed in range(60)]
+    stated = image_error.resolution(halves[0], halves[1])
+    assert stated == pytest.approx(2 * 0.04 / 1.01 / np.sqrt(12288), rel=0.1)
+    found = [image_error.measure(true, a, b).relative_mse for a, b in zip(halves[::2], halves[1::2], strict=True)]
+    assert np.std(found) == pytest.approx(stated / 2 / np.sqrt(3), rel=0.35)  # 30 of them: 13 % standard error
+
+
 def test_flip_of_equal_and_of_opposite_pictures() -> None:
     """No difference is 0; black for white is the greatest that FLIP knows, up to its edges and exposures."""
     true = picture(0)

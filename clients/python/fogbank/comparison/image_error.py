@@ -159,6 +159,17 @@ def residual(half_a: Pixels, half_b: Pixels) -> float:
     return trimmed_mean((half_a - half_b) ** 2 / 4 * relative_weight((half_a + half_b) / 2))
 
 
+def resolution(half_a: Pixels, half_b: Pixels) -> float:
+    """Relative MSE below which a reference can't tell pictures from the truth: twice the standard error of
+    `ImageError.trimmed` of a perfect picture.
+
+    Of noise with variance s^2 in each half the product of its errors has variance s^4, and with normal noise
+    E[((A - B)^2 / 2)^2] is 3 s^4. A pixel's channels count as one sample: their noise often is the same.
+    """
+    fourth = ((half_a - half_b) ** 2 / 2 * relative_weight((half_a + half_b) / 2)) ** 2 / 3
+    return 2.0 * float(np.sqrt(trimmed_mean(fourth) / (fourth.shape[0] * fourth.shape[1])))
+
+
 def flip(image: Pixels, reference: Pixels) -> tuple[Pixels, float]:
     """HDR-FLIP of Andersson et al. 2021, by flip-evaluator with its default viewing distance (67 pixels a degree).
 

@@ -44,14 +44,14 @@ def error_plot(
         axis: column of the horizontal axis.
         path: PNG to write.
         title: above it.
-        floor: relative MSE of the reference's own noise, drawn as a line.
+        floor: least error that the reference can tell, drawn as a line.
     """
     figure = Figure(figsize=(7.6, 5.0), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     _draw(axes, means, methods, axis)
     if floor is not None:
-        axes.axhline(floor, color="0.5", linestyle=":", linewidth=1, label="noise of the reference, which cancels")
+        axes.axhline(floor, color="0.5", linestyle=":", linewidth=1, label="least error that the reference can tell")
     axes.set_xlabel(_LABELS[axis])
     axes.set_ylabel(_ERROR_LABEL)
     axes.set_title(title, fontsize=11)

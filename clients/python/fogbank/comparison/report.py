@@ -16,7 +16,7 @@ import pandas as pd
 from PIL import Image
 
 from fogbank.comparison import analysis, pictures
-from fogbank.comparison.image_error import read
+from fogbank.comparison.image_error import read, resolution
 from fogbank.comparison.pictures import Colours, Toning
 from fogbank.comparison.plots import Axis, error_plot
 from fogbank.comparison.references import Reference
@@ -104,8 +104,8 @@ def _chosen_budgets(report: Report) -> list[float]:
 def _draw_plots(report: Report) -> list[dict[str, str]]:
     folder = report.folder / "plots"
     folder.mkdir(exist_ok=True)
-    residual = report.reference.residual
-    floor = None if residual is None else residual**2
+    reference = report.reference
+    floor = resolution(reference.half_a, reference.half_b) if reference.independent else None
     axes: list[Axis] = ["records"] if report.by_records else []
     drawn = []
     for clock in [*axes, "cpu_seconds", "wall_seconds"]:
