@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,9 @@ def test_better_is_no_failure_and_a_new_figure_is_none() -> None:
     (finding,) = watch.judge([Watched("new", 5.0, 1.5)], history(1.0))
     assert finding.before is None
     assert not finding.failed
+    (broken,) = watch.judge([Watched("x", math.inf, 1.5)], [])
+    assert broken.failed
+    assert watch.append([], "c", [Watched("x", math.inf, 1.5)])[0]["figures"] == {}
     assert "WORSE" in watch.table(watch.judge([Watched("x", 5.0, 1.5)], history(1.0)))
 
 

@@ -14,6 +14,7 @@ up to five.
 from __future__ import annotations
 
 import json
+import math
 import re
 import shutil
 import statistics
@@ -76,8 +77,8 @@ def cases() -> list[Case]:
     return [chosen[name].scaled(SIDE / chosen[name].width) for name in SCENES]
 
 
-def measure_scene(case: Case, threads: int) -> list[Watched]:
-    """Short runs of one scene."""
+def measure_scene(case: Case, threads: int, note: Callable[[str], None]) -> list[Watched]:
+    """Short runs of one scene; what the engine can't render is infinite."""
     compared = comparison.compare(case, SAMPLES, ROUNDS, threads)
     cost = {engine["engine"]: engine["cost"] for engine in compared["engines"]}
     half_a, half_b = (image_error.read(path) for path in pictures.references(case, threads))
@@ -100,7 +101,13 @@ def measure_scene(case: Case, threads: int) -> list[Watched]:
     with engines.fogbank() as engine:
         engine.ask("load", scene=str(case.path))
         traced, traced_cost = render(integrator="volpath", samples_per_pixel=16 * SAMPLES)
-        cached, cached_cost = render(integrator="radiance-cache", samples_per_pixel=CACHE_SAMPLES, error=CACHE_ERROR)
+        try:
+            cached, cached_cost = render(
+                integrator="radiance-cache", samples_per_pixel=CACHE_SAMPLES, error=CACHE_ERROR
+            )
+        except engines.EngineError as error:
+            note(f"{case.name}: radiance-cache: {error}")
+            cached, cached_cost = {"records_new": math.inf, "rays": math.inf}, math.inf
     return [
         Watched(f"{case.name}: cost against mitsuba", cost["fogbank"] / cost["scalar_rgb"], TIMED),
         Watched(f"{case.name}: cache against volpath", cached_cost / traced_cost, TIMED),
@@ -133,18 +140,19 @@ def measure(threads: int, note: Callable[[str], None]) -> list[Watched]:
     figures: list[Watched] = []
     for case in cases():
         note(f"watch: {case.name}")
-        figures += measure_scene(case, threads)
+        figures += measure_scene(case, threads, note)
     note("watch: instructions")
     return figures + measure_instructions()
 
 
 def judge(figures: Sequence[Watched], history: Sequence[dict[str, Any]]) -> list[Finding]:
-    """Each figure against the median of the last entries that have it; the first of its kind can't fail."""
+    """Each figure against the median of the last entries that have it. The first of its kind only fails if infinite."""
     findings = []
     for figure in figures:
         values = [entry["figures"][figure.name] for entry in history if figure.name in entry["figures"]]
         before = statistics.median(values[-REMEMBERED:]) if values else None
-        failed = before is not None and figure.value > figure.tolerance * before
+        worse = before is not None and figure.value > figure.tolerance * before
+        failed = worse or not math.isfinite(figure.value)
         findings.append(Finding(figure.name, figure.value, before, failed))
     return findings
 
@@ -160,7 +168,7 @@ def append(history: list[dict[str, Any]], name: str, figures: Sequence[Watched])
     entry = {
         "commit": name,
         "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        "figures": {figure.name: figure.value for figure in figures},
+        "figures": {figure.name: figure.value for figure in figures if math.isfinite(figure.value)},
     }
     return [*(old for old in history if old["commit"] != name), entry]
 
@@ -211,5 +219,5 @@ def table(findings: Sequence[Finding]) -> str:
 
 
 def results(findings: Sequence[Finding]) -> list[dict[str, Any]]:
-    """For JSON."""
-    return [asdict(found) for found in findings]
+    """For JSON, which has no infinity."""
+    return [asdict(found) | {"value": found.value if math.isfinite(found.value) else None} for found in findings]
