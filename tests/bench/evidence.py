@@ -3,7 +3,7 @@
     python -m tests.bench.evidence [--budgets 1,2,5,10,30,60] [--seeds 3] [--reference SECONDS] [--scale 1] [SCENE ...]
 
 Reports go to out/evidence/SCENE/report.html. What is there isn't made again, so an interrupted run goes on; other
-settings need another --output or an empty one. Nothing in the README's section is typed by hand.
+settings and other builds need another --output or an empty one. Nothing in the README's section is typed by hand.
 """
 
 from __future__ import annotations
@@ -193,7 +193,10 @@ def main() -> None:
         if not scene.path.is_file():
             print(f"NOT COMPARED: {scene.name}: {scene.path} is not there (the shared data)", flush=True)
             continue
-        found[scene.name] = compare(scene, options)
+        try:
+            found[scene.name] = compare(scene, options)
+        except fogbank.FogbankError as error:
+            raise SystemExit(f"{scene.name}: {error}") from None
         print(found[scene.name].report, flush=True)
     error_plots({name: item.summary for name, item in found.items()}, ROOT / PLOT)
     text = README.read_text(encoding="utf-8")

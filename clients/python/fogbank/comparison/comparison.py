@@ -135,6 +135,8 @@ def run_comparison(request: Request, on_progress: Callable[[ComparisonProgress],
             "equal": request.equal,
             "spp": request.spp,
             "threads": threads,
+            # Pictures of another build are not to stand beside those of this one.
+            "build": capabilities.build_id,
         }
         store.check_settings(settings)
         planned = plan(methods, request.budgets, request.seeds, by_records=request.equal == "records")
