@@ -16,8 +16,8 @@ namespace {
 /// The progression of a job that has nothing to prepare, asked again what it was asked before. It decides by
 /// samples alone as long as it goes on, so it stands as it stood then. With a time budget passes depended on
 /// the clock; there, only the beginning is repeated.
-Progression replay(const RenderSettings& settings, const Checkpoint& checkpoint) {
-  Progression progression(settings);
+Progression replay(const RenderSettings& settings, uint32_t most_samples, const Checkpoint& checkpoint) {
+  Progression progression(settings, most_samples);
   Standing standing;
   uint32_t passes = 0;
   while (standing.samples < checkpoint.samples) {
@@ -69,7 +69,7 @@ void RenderJob::resume(const Checkpoint& checkpoint) {
       refuse("its tiles are not the job's");
     }
   }
-  Progression progression = replay(job.settings, checkpoint);
+  Progression progression = replay(job.settings, job.integrator->most_samples_of_pass(), checkpoint);
 
   const std::lock_guard lock(job.mutex);
   if (job.start || job.running > 0)

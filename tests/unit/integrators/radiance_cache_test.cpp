@@ -203,6 +203,7 @@ TEST(RadianceCache, TheSameCameraNeedsNextToNothingMore) {
   const TestCamera camera(world->scene().sensor, 32, 32);
   IntegratorSettings settings;
   settings.cache = std::make_shared<cache::SceneCache>();
+  settings.single_scattering = SingleScattering::direct;
   prepare(*make("radiance-cache", world, settings), camera, {.error = 0.3}, 2);
   const auto again = make("radiance-cache", world, settings);
   prepare(*again, camera, {.error = 0.3}, 2);
@@ -237,6 +238,7 @@ TEST(RadianceCache, FinerTargetsPutMoreSamplesBehindRecords) {
   for (size_t i = 0; i < 2; ++i) {
     IntegratorSettings settings;
     settings.cache = std::make_shared<cache::SceneCache>();
+    settings.single_scattering = SingleScattering::direct;
     settings.most_records = 4000;
     const auto integrator = make("radiance-cache", world, settings);
     // Few extents in both: what differs is the noise that is tolerable.
