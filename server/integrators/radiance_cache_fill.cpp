@@ -5,6 +5,7 @@
 
 #include "cache/cached_light.h"
 #include "cache/metric.h"
+#include "integrators/uncovered_places.h"
 #include "scene/intersector.h"
 
 namespace fogbank::integrators {
@@ -41,74 +42,51 @@ constexpr int32_t ratio_samples = 1024;
 constexpr int32_t source_probes = 32;
 /// Error that sources are made for, over the target's: gathers average theirs over all directions.
 constexpr double source_error = 2;
-/// Spacing of a round's records, in radii that they are thought to have: spheres of that radius cover what
-/// lies within the spacing with a weight of 0.05 at least.
-constexpr float spacing_share = 0.85f;
-/// A look-up of less weight counts as uncovered: right at the border of an extent the next pixel may be out.
-constexpr float least_weight = 0.02f;
-/// As many records reach a place but for a surface between, as far as their depth bins tell: one more would
-/// not see it either. Close to walls bins are too coarse; paths take the records' place there.
-constexpr uint32_t most_hidden = 3;
-/// Look-ups whose radiance counts less than this in the pixel aren't worth a record.
-constexpr float least_importance = 1e-4f;
 /// Relative error at the border of typical extents, for a relative error of pixels of 1: errors there are the
 /// largest of an extent, and those of a ray's records partly cancel.
 constexpr double border_error_per_error = 3;
 constexpr double greatest_radius = 0.25;  ///< of the scene's (method.md section 17)
 constexpr double least_radius = 1e-4;     ///< of the scene's
 
-/// Distance that records keep from a surface ahead, in radii: on it half of the light would be missed, and
-/// derivatives grow with the nearness of what they see.
-constexpr float clearance_share = 0.2f;
-
-/// Collects the look-ups of a few camera rays that want a record.
-class UncoveredPlaces final : public LookUpObserver {
- public:
-  explicit UncoveredPlaces(float default_reach) : default_reach_(default_reach) {}
-
-  void look_up(const LookUp& look_up) override {
-    const bool on_surface = look_up.place.normal != Vec3f(0);
-    if (look_up.found.weight >= least_weight) {
-      if (on_surface) covered_.push_back({look_up.place, look_up.found.radius});
-      return;
-    }
-    if (!(mean(look_up.weight) > least_importance)) return;
-    if (look_up.found.rejected >= most_hidden) return;
-    if (on_surface) {
-      on_surfaces_.push_back(look_up.place);
-      return;
-    }
-    const float reach = std::isfinite(look_up.reach) ? look_up.reach : default_reach_;
-    cache::Wish place = look_up.place;
-    const float retreat = std::fmax(clearance_share * reach - look_up.ahead, 0.0f);
-    place.position -= look_up.direction * std::fmin(retreat, 0.5f * look_up.behind);
-    places_.push_back({place, spacing_share * reach});
-  }
-
-  /// Surface records go by the reach of those that neighbouring rays met.
-  std::vector<cache::SpacedWish> places() && {
-    for (const cache::Wish& wish : on_surfaces_) {
-      float reach = infinity;
-      for (const auto& [place, radius] : covered_)
-        if (place.component == wish.component && glm::dot(place.normal, wish.normal) > cache::similar_normals)
-          reach = std::fmin(reach, radius + glm::distance(place.position, wish.position));
-      places_.push_back({wish, spacing_share * (std::isfinite(reach) ? reach : default_reach_)});
-    }
-    return std::move(places_);
-  }
-
- private:
-  float default_reach_;
-  std::vector<cache::SpacedWish> places_;
-  std::vector<cache::Wish> on_surfaces_;
-  std::vector<std::pair<cache::Wish, float>> covered_;  ///< on surfaces, with radii
-};
-
 }  // namespace
 
 RadianceCacheFill::RadianceCacheFill(RadianceCacheIntegrator& integrator, const CameraRays& camera,
                                      const CacheTarget& target)
-    : integrator_(integrator), camera_(camera), target_(target), stride_(first_stride) {}
+    : integrator_(integrator),
+      camera_(camera),
+      target_(target),
+      before_(integrator.published()),
+      stride_(first_stride) {}
+
+RadianceCacheFill::~RadianceCacheFill() {
+  if (round_ == Round::begin || round_ == Round::done) return;
+  try {
+    leave_unfinished();
+  } catch (const std::exception&) {
+    // What was not kept is made again.
+  }
+}
+
+void RadianceCacheFill::leave_unfinished() {
+  std::erase_if(made_, [](const cache::Record& record) { return record.id == 0; });
+  if (before_.epoch) {
+    // Its extents covered the picture; those that were aimed at don't yet.
+    const uint64_t made = add_made();
+    before_.epoch =
+        std::make_shared<const cache::Epoch>(integrator_.cache().records(), before_.epoch->settings());
+    integrator_.publish(before_, made);
+    return;
+  }
+  // Sources are there before the records that read them.
+  const auto has = [&](uint8_t generation) {
+    const std::shared_ptr<const cache::RecordSet> records = integrator_.cache().records();
+    return std::ranges::any_of(records->components(), [&](const cache::ComponentRange& range) {
+      return range.component.scattering_order == generation;
+    });
+  };
+  if (generation_ > 0 && !has(generation_)) generation_ = 0;
+  publish();
+}
 
 void RadianceCacheFill::choose_generation() {
   const cache::Component later{.scattering_order = 1, .quantity = integrator_.technique().rest};
@@ -334,14 +312,16 @@ uint64_t RadianceCacheFill::records_left() const {
   return most - std::min(most, integrator_.cache_counts().records_new);
 }
 
-void RadianceCacheFill::publish() {
-  const double direct = integrator_.single_scattering().typical_radiance(integrator_.pilot().records());
-  direct_floor_ = std::max(direct_floor_share * direct, least_direct_floor);
+uint64_t RadianceCacheFill::add_made() {
   // The pilot's records may be there already.
   const size_t before = integrator_.cache().records()->size();
   integrator_.cache().add(std::exchange(made_, {}));
+  return integrator_.cache().records()->size() - before;
+}
+
+void RadianceCacheFill::publish() {
+  const uint64_t made = add_made();
   const std::shared_ptr<const cache::RecordSet> records = integrator_.cache().records();
-  const uint64_t made = records->size() - before;
   const PilotedMetric piloted = pilot_metric(target_.error);
   cache::MetricSettings metric = metric_of(piloted);
   metric.footprints = {{camera_.position(), camera_.pixel_angle()}};

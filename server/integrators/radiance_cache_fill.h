@@ -16,6 +16,10 @@ namespace fogbank::integrators {
 class RadianceCacheFill final : public Preparation {
  public:
   RadianceCacheFill(RadianceCacheIntegrator& integrator, const CameraRays& camera, const CacheTarget& target);
+  /// Records of a round that was dropped are kept as far as they are done.
+  ~RadianceCacheFill() override;
+  RadianceCacheFill(const RadianceCacheFill&) = delete;
+  RadianceCacheFill& operator=(const RadianceCacheFill&) = delete;
 
   uint32_t next_round() override;
   void run(uint32_t task, RayCounters& counters) override;
@@ -56,6 +60,8 @@ class RadianceCacheFill final : public Preparation {
   void need_maker(const cache::Component& component, uint32_t level);
   const cache::RecordMaker& maker(const cache::Component& component, uint32_t level = 0) const;
   uint64_t records_left() const;  ///< that the job may still make
+  uint64_t add_made();            ///< to the cache; how many were new
+  void leave_unfinished();
   void publish();
   PilotedMetric pilot_metric(double error) const;
   double scene_radius() const;  ///< > 0
@@ -64,6 +70,7 @@ class RadianceCacheFill final : public Preparation {
   RadianceCacheIntegrator& integrator_;
   const CameraRays& camera_;
   CacheTarget target_;
+  PublishedCache before_;  ///< by the last finished preparation; no epoch: there was none
   /// By quantity, whether they read records, and level.
   std::map<std::tuple<cache::Quantity, bool, uint32_t>, std::unique_ptr<const cache::RecordMaker>> makers_;
   uint8_t generation_ = 0;                       ///< that the camera is to see
