@@ -14,7 +14,10 @@ Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 
 _CACHE_OPTIONS = (
-    click.option("--integrator", help="How radiance is computed, e.g. radiance-cache, photon-beams or volpath."),
+    click.option(
+        "--integrator",
+        help="How radiance is computed, e.g. radiance-cache, photon-beams or volpath; by default as suits the scene.",
+    ),
     click.option(
         "--error", type=float, metavar="RELATIVE", help="End when the estimated error is no greater, e.g. 0.02."
     ),
