@@ -153,7 +153,12 @@ std::optional<double> Progression::finer_target(const Standing& standing) {
   }
   if (settings_.record_budget > 0 && settings_.error == 0) return std::nullopt;
   if (settings_.error == 0) {
-    return stage_error_ > aim_ ? std::optional(aim_) : std::nullopt;
+    // As good as the samples will be, and no better.
+    if (!standing.noise) return std::nullopt;
+    const double left_in_the_end =
+        *standing.noise * std::sqrt(static_cast<double>(standing.samples) / settings_.samples_per_pixel);
+    if (standing.bias <= left_in_the_end) return std::nullopt;
+    return std::fmax(cautious_factor * stage_error_, RenderLimits::smallest_error);
   }
   if (standing.bias <= bias_share * settings_.error) return std::nullopt;
   // The estimate is what counts, not what the stage aimed at; but a bias that doesn't fall won't.
@@ -170,9 +175,7 @@ std::optional<double> Progression::finer_target(const Standing& standing) {
 
 std::optional<Step> Progression::first_steps(const Standing& standing) {
   if (stages_ > 0 || !prepares_) return std::nullopt;
-  // Where there is one sample, nothing is shown before the end.
-  const bool preview = settings_.samples_per_pixel > 1;
-  return preview ? prepare(std::fmax(preview_error, aim_), true, standing) : prepare(aim_, false, standing);
+  return prepare(std::fmax(preview_error, aim_), true, standing);
 }
 
 Step Progression::next(const Standing& standing) {
