@@ -29,8 +29,8 @@ class CachePilot {
   uint32_t count() const { return static_cast<uint32_t>(records_.size()); }
   /// Takes the records that are there already: those of the fewest samples, which `make` would make again.
   void recall(const cache::RecordSet& set);
-  /// Record of a place, unless it was recalled; nothing where the medium wasn't found. Needs scene::prepare_render_thread. Any
-  /// thread.
+  /// Record of a place, unless it was recalled; nothing where the medium wasn't found. Needs
+  /// scene::prepare_render_thread. Any thread.
   void make(uint32_t number, const cache::RecordMaker& maker, RayCounters& counters);
   std::vector<cache::Record> records() const;
   /// Metric that bounds the relative error at the border of typical extents by `border_error`. Extents are at
