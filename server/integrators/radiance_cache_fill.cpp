@@ -33,9 +33,6 @@ constexpr int32_t most_refinements = 3;
 constexpr int32_t surveying_stride = 8;
 /// Share of a stage's error that the noise of records may have.
 constexpr double noise_share = 0.3;
-/// Share of unoccluded radiance below which relative errors of ratios don't count, and where none is.
-constexpr double direct_floor_share = 0.05;
-constexpr double least_direct_floor = 1e-30;
 /// Of ratios: grids of 8 x 8 cells over a light.
 constexpr int32_t ratio_samples = 1024;
 /// Places that are looked for per record, to see where sources are missing.
