@@ -26,7 +26,7 @@ build: setup stubs ## the server (build/release/bin/fogbankd), its tests and the
 
 demo: build ## render scenes/shafts through a local server into out/shafts.exr and out/shafts.png
 	@mkdir -p out
-	@.venv/bin/fogbank render scenes/shafts/shafts.xml --integrator volpath --spp 64 -o out/shafts.exr -o out/shafts.png
+	@.venv/bin/fogbank render scenes/shafts/shafts.xml --time 15 -o out/shafts.exr -o out/shafts.png
 
 test: build ## build, then every test: C++ units, Python (clients, service, oracle), lint
 	@PRESET=$(PRESET) JOBS=$(JOBS) tests/run.sh
