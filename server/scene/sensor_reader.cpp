@@ -227,7 +227,7 @@ void read_integrator(const ObjectDescription& description, RenderDefaults& defau
   const bool is_replaced = type != "volpath" && type != "volpathmis" && type != "path";
   if (is_replaced)
     warnings.push_back(description.where.to_string() + ": integrator " + quote(type) +
-                       " is replaced by 'volpath'");
+                       " is passed over for the scene's default");
   constexpr int64_t deepest = std::numeric_limits<int32_t>::max();
   defaults.max_depth = static_cast<int32_t>(reader.integer("max_depth", defaults.max_depth, -1, deepest));
   // Where roulette begins changes how fast an image converges, not the image; files carry their exporter's

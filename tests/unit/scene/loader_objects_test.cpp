@@ -280,7 +280,7 @@ TEST(LoaderSensor, WhatOldScenesSayIsPassedOverAloud) {
   EXPECT_EQ(
       scene->warnings,
       (std::vector<std::string>{
-          "scene.xml:1: <integrator type=\"sppm\">: integrator 'sppm' is replaced by 'volpath'",
+          "scene.xml:1: <integrator type=\"sppm\">: integrator 'sppm' is passed over for the scene's default",
           "scene.xml:5: <film type=\"ldrfilm\">: 'ldrfilm' is read as 'hdrfilm': pixels stay linear",
           "scene.xml:5: <rfilter type=\"lanczos\">: filter 'lanczos' is replaced by 'gaussian'",
           "scene.xml:5: <film type=\"ldrfilm\">: parameter 'banner' is ignored", sampler,
