@@ -2,6 +2,7 @@
 
 #include <array>
 
+#include "cache/ray_visibility.h"
 #include "core/sampling.h"
 #include "derivatives/medium_march.h"
 #include "transport/direct_light.h"
@@ -81,12 +82,14 @@ Spectrum CachedLight::mean_radiance(const Vec3f& y, int32_t medium, RandomStream
 void CachedLight::mean_radiance_at(std::span<const Vec3f> points, int32_t medium, RandomStream& random,
                                    RayCounters& counters, std::span<Spectrum> results) const {
   const Index* index = rest_index(medium);
+  const RayVisibility visibility(world_.scene(), counters);
   std::array<Interpolation, batch_size> found;
   for (size_t first = 0; first < points.size(); first += batch_size) {
     counters.poll();
     const auto batch = points.subspan(first, std::min(batch_size, points.size() - first));
     if (index != nullptr) index->look_up(batch, found);
     for (size_t i = 0; i < batch.size(); ++i) {
+      if (index != nullptr) index->recover_visible(batch[i], Vec3f(0), visibility, found[i]);
       const Spectrum rest =
           found[i].weight > 0 ? found[i].radiance : rest_by_path(batch[i], medium, random, counters);
       results[first + i] = rest + finite_or_black(transport::mean_direct_light(
@@ -101,8 +104,12 @@ Spectrum CachedLight::leaving_radiance(const derivatives::SurfaceHit& hit, int32
   if (const std::optional<LambertianHit> found = lambertian(world_, hit, generation_)) {
     const Wish& place = found->irradiance;
     const Index* index = records_ == nullptr ? nullptr : records_->find(place.component);
-    const Interpolation rest =
-        index == nullptr ? Interpolation{} : index->look_up(place.position, place.normal);
+    Interpolation rest;
+    if (index != nullptr) {
+      rest = index->look_up(place.position, place.normal);
+      index->recover_visible(hit.surface.spawn_origin(place.normal), place.normal,
+                             RayVisibility(world_.scene(), counters), rest);
+    }
     if (rest.weight > 0) {
       for (int32_t i = 0; i < samples; ++i)
         sum += finite_or_black(transport::reflected_direct_light(world_, hit.surface, hit.direction,
@@ -130,7 +137,11 @@ Spectrum CachedLight::in_scattered(const Ray& ray, float length, int32_t medium,
   const auto t = static_cast<float>(sample.distance);
   const Vec3f y = ray.at(t);
   const Index* index = rest_index(medium);
-  const Interpolation found = index != nullptr ? index->look_up(y) : Interpolation{};
+  Interpolation found;
+  if (index != nullptr) {
+    found = index->look_up(y);
+    index->recover_visible(y, Vec3f(0), RayVisibility(world_.scene(), counters), found);
+  }
   const Spectrum rest = found.weight > 0 ? found.radiance : rest_by_path(y, medium, random, counters);
   return direct + info.sigma_s * transport::transmittance(info.sigma_t, t) * rest *
                       static_cast<float>(sample.inverse_pdf);

@@ -38,6 +38,12 @@ std::array<Float8, 3> extrapolate(Quantity quantity, const Shading& shading, Flo
   return result;
 }
 
+/// w of a record at a squared distance of its extent < 1.
+float weight_at(float square) {
+  const float d = 1 - std::sqrt(square);
+  return d * d * (3 - 2 * d);
+}
+
 }  // namespace
 
 /// Of eight points.
@@ -105,39 +111,93 @@ Spectrum Index::ceiling(const Spectrum& radiance) const {
   return glm::min(greatest_growth * glm::max(radiance, Spectrum(floor_)), Spectrum(greatest_));
 }
 
-void Index::add_on_surface(const Vec3f& point, const Vec3f& normal, uint32_t place, Interpolation& result,
-                           SurfaceSums& sums) const {
-  const PositionPacket& centres = set_->positions(*range_)[place / packet_size];
-  const uint32_t lane = place % packet_size;
-  const Vec3f offset = point - Vec3f(centres.at(0, lane), centres.at(1, lane), centres.at(2, lane));
-  const size_t begin = range_->first_record + range_->begin(place);
-  const size_t end = range_->first_record + range_->end(place);
-  const float turn = (1 - glm::dot(set_->normal(*range_, place), normal)) / (1 - similar_normals);
-  const float square =
-      std::max(turn, 0.0f) +
-      tree_.normalised_square(place, broadcast(offset.x), broadcast(offset.y), broadcast(offset.z))[0];
-  if (!(square < 1)) return;
+Vec3f Index::position(uint32_t place) const { return set_->position(*range_, place); }
+
+float Index::normalised_square(uint32_t place, const Vec3f& offset, const Vec3f& normal) const {
+  const float turn =
+      normal == Vec3f(0) ? 0 : (1 - glm::dot(set_->normal(*range_, place), normal)) / (1 - similar_normals);
+  return std::max(turn, 0.0f) +
+         tree_.normalised_square(place, broadcast(offset.x), broadcast(offset.y), broadcast(offset.z))[0];
+}
+
+Spectrum Index::extrapolated_by(uint32_t place, const Vec3f& offset) const {
   Spectrum value(0);
   Spectrum centre(0);
   float total = 0;
-  for (size_t record = begin; record < end; ++record) {
-    if (depth_guard_ && !set_->depth()[record].reaches(offset)) {
-      ++result.rejected;
-      return;
-    }
+  for (size_t record = range_->first_record + range_->begin(place);
+       record < range_->first_record + range_->end(place); ++record) {
     const auto samples = static_cast<float>(set_->samples(record));
     total += samples;
     const Shading& shading = set_->shading()[record];
     centre += samples * shading.radiance;
-    value += samples * (shading.radiance + shading.derivatives[0] * offset.x +
-                        shading.derivatives[1] * offset.y + shading.derivatives[2] * offset.z);
+    for (int channel = 0; channel < 3; ++channel) {
+      const Vec3f gradient(shading.derivatives[0][channel], shading.derivatives[1][channel],
+                           shading.derivatives[2][channel]);
+      value[channel] += samples * extrapolated(range_->component.quantity, shading.radiance[channel],
+                                               glm::dot(gradient, offset));
+    }
   }
-  const float d = 1 - std::sqrt(square);
-  const float weight = d * d * (3 - 2 * d);
-  sums.radiance += weight * glm::clamp(value / total, Spectrum(0), ceiling(centre / total));
+  return glm::min(value / total, ceiling(centre / total));
+}
+
+void Index::add_on_surface(const Vec3f& point, const Vec3f& normal, uint32_t place, Interpolation& result,
+                           SurfaceSums& sums) const {
+  const Vec3f offset = point - position(place);
+  const float square = normalised_square(place, offset, normal);
+  if (!(square < 1)) return;
+  for (size_t record = range_->first_record + range_->begin(place);
+       record < range_->first_record + range_->end(place); ++record) {
+    if (depth_guard_ && !set_->depth()[record].reaches(offset)) {
+      ++result.rejected;
+      return;
+    }
+  }
+  const float weight = weight_at(square);
+  sums.radiance += weight * extrapolated_by(place, offset);
   sums.inverse_axes += weight * inverse_axes(place);
   result.weight += weight;
   ++result.records;
+}
+
+void Index::recover_visible(const Vec3f& point, const Vec3f& normal, const VisibilityTest& visibility,
+                            Interpolation& found) const {
+  if (found.weight > 0 || found.rejected == 0) return;
+  constexpr size_t most_asked = 3;
+  struct Candidate {
+    float weight;
+    uint32_t place;
+  };
+  std::vector<Candidate> candidates;
+  tree_.search(set_->positions(*range_), PointBundle(std::span(&point, 1)),
+               [&](const uint32_t* places, uint32_t count) {
+                 for (uint32_t i = 0; i < count; ++i) {
+                   const float square = normalised_square(places[i], point - position(places[i]), normal);
+                   if (square < 1) candidates.push_back({weight_at(square), places[i]});
+                 }
+               });
+  const size_t asked = std::min(candidates.size(), most_asked);
+  std::ranges::partial_sort(candidates, candidates.begin() + static_cast<std::ptrdiff_t>(asked),
+                            [](const Candidate& a, const Candidate& b) {
+                              return a.weight != b.weight ? a.weight > b.weight : a.place < b.place;
+                            });
+  Interpolation result;
+  SurfaceSums sums;
+  for (const auto& [weight, place] : std::span(candidates).first(asked)) {
+    const Vec3f centre = position(place);
+    if (!(weight > 0) || !visibility.reaches(centre, set_->normal(*range_, place), point)) {
+      ++result.rejected;
+      continue;
+    }
+    sums.radiance += weight * extrapolated_by(place, point - centre);
+    sums.inverse_axes += weight * inverse_axes(place);
+    result.weight += weight;
+    ++result.records;
+  }
+  if (result.weight > 0) {
+    result.radiance = sums.radiance / result.weight;
+    result.radius = (normal == Vec3f(0) ? 3.0f : 2.0f) * result.weight / sums.inverse_axes;
+  }
+  found = result;
 }
 
 void Index::look_up_bundle(std::span<const Vec3f> points, Interpolation* results) const {

@@ -20,6 +20,14 @@ struct Interpolation {
   uint32_t rejected = 0;  ///< places whose extent holds the point, yet with a surface between (guard 4)
 };
 
+/// Who knows for sure what depth bins know roughly.
+class VisibilityTest {
+ public:
+  virtual ~VisibilityTest() = default;
+  /// Is `point` in sight of a record at `place`? `normal`: unit, of the record's surface; 0 in a medium.
+  virtual bool reaches(const Vec3f& place, const Vec3f& normal, const Vec3f& point) const = 0;
+};
+
 /// What one place contributes to a look-up.
 struct Contribution {
   uint32_t place = 0;  ///< of the component, as RecordSet::place counts them
@@ -46,6 +54,12 @@ class Index {
   /// The places behind a look-up, with their weights: for showing and judging what it rests on. `normal`: 0
   /// in a medium.
   std::vector<Contribution> contributions(const Vec3f& point, const Vec3f& normal) const;
+  /// Where `found`, what a look-up says about `point`, is nothing but rejected records, it becomes what those
+  /// of them say that `visibility` lets through after all: depth bins are coarse and round down, so that in
+  /// front of walls they reject most of what is in sight. Asks about the few records of the greatest weight
+  /// only. `normal`: 0 in a medium.
+  void recover_visible(const Vec3f& point, const Vec3f& normal, const VisibilityTest& visibility,
+                       Interpolation& found) const;
   /// Harmonic mean of the semi-axes of the extent of `place`, on a surface of those along it; 0 where it
   /// holds nothing.
   float radius(uint32_t place) const;
@@ -66,6 +80,11 @@ class Index {
   void look_up_bundle(std::span<const Vec3f> points, Interpolation* results) const;
   void add_on_surface(const Vec3f& point, const Vec3f& normal, uint32_t place, Interpolation& result,
                       SurfaceSums& sums) const;
+  Vec3f position(uint32_t place) const;
+  /// Squared distance in extents of a point at `offset`; 1 is the border. `normal`: 0 in a medium.
+  float normalised_square(uint32_t place, const Vec3f& offset, const Vec3f& normal) const;
+  /// What the records of a place say at `offset`, within their limits.
+  Spectrum extrapolated_by(uint32_t place, const Vec3f& offset) const;
   /// Most that an extrapolation from `radiance` counts as.
   Spectrum ceiling(const Spectrum& radiance) const;
   /// Sum of reciprocals of the semi-axes, on a surface of those along it.

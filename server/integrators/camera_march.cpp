@@ -66,13 +66,14 @@ MarchSample sample_distance(const transport::MediumSegment& segment, float first
 }
 
 CameraMarch::CameraMarch(const transport::MediumSegment& segment, float first, float last,
-                         const cache::Index* index, float widest_step)
+                         const cache::Index* index, const cache::VisibilityTest& visibility,
+                         float widest_step)
     : segment_(segment), first_(first), last_(last) {
   const transport::MediumInfo& medium = *segment.medium;
   const float hidden = most_optical_distance / least_sigma(medium);
   if (!(first < last) || !(first < hidden)) return;
   last_ = std::fmin(last, hidden);
-  place_nodes(index, widest_step);
+  place_nodes(index, visibility, widest_step);
   weigh();
   if (last > hidden) {
     for (int channel = 0; channel < 3; ++channel)
@@ -86,7 +87,8 @@ Spectrum CameraMarch::transmittance_at(float t) const {
   return transport::transmittance(segment_.medium->sigma_t, t);
 }
 
-void CameraMarch::place_nodes(const cache::Index* index, float widest_step) {
+void CameraMarch::place_nodes(const cache::Index* index, const cache::VisibilityTest& visibility,
+                              float widest_step) {
   const float sigma = segment_.medium->mean_sigma_t;
   const auto wanted_step = [&](const MarchNode& node) {
     const float step = node.found.weight > 0 ? step_share * node.found.radius : widest_step;
@@ -125,6 +127,7 @@ void CameraMarch::place_nodes(const cache::Index* index, float widest_step) {
     if (index != nullptr) index->look_up(std::span(points).first(size), found);
     float next = step;
     for (size_t i = 0; i < size; ++i) {
+      if (index != nullptr) index->recover_visible(points[i], Vec3f(0), visibility, found[i]);
       MarchNode& node = nodes_[count_++];
       node = {distances[i], found[i], Spectrum(0)};
       next = wanted_step(node);

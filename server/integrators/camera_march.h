@@ -39,7 +39,7 @@ class CameraMarch {
   /// Of the part [first, last] of the segment; last may be infinite. `index`: null where there are no
   /// records. `widest_step`: where no record reaches, > 0.
   CameraMarch(const transport::MediumSegment& segment, float first, float last, const cache::Index* index,
-              float widest_step);
+              const cache::VisibilityTest& visibility, float widest_step);
 
   std::span<const MarchNode> nodes() const { return std::span(nodes_).first(count_); }
   /// Somewhere under the hat function of node `number`, with an expected weight of the node's: for estimates
@@ -47,7 +47,7 @@ class CameraMarch {
   MarchSample sample_around(size_t number, RandomStream& random) const;
 
  private:
-  void place_nodes(const cache::Index* index, float widest_step);
+  void place_nodes(const cache::Index* index, const cache::VisibilityTest& visibility, float widest_step);
   void weigh();
   MarchSample sample_hat(size_t number, float u) const;
   Spectrum transmittance_at(float t) const;

@@ -4,6 +4,7 @@
 #include <array>
 #include <optional>
 
+#include "cache/ray_visibility.h"
 #include "core/frame.h"
 #include "core/sampling.h"
 #include "core/sobol.h"
@@ -188,7 +189,9 @@ PixelSample RadianceCacheIntegrator::from_cache(const Walk& walk, const MediumSe
   PixelSample sum;
   const auto [first, last] = inside_ball(segment, world_->scene().bounds, domain_scale);
   const float widest_step = published_.typical_radius > 0 ? published_.typical_radius : 1e30f;
-  const CameraMarch march(segment, first, last, find(medium_component(walk, quantity)), widest_step);
+  const cache::RayVisibility visibility(world_->scene(), counters);
+  const CameraMarch march(segment, first, last, find(medium_component(walk, quantity)), visibility,
+                          widest_step);
   if (walk.observer != nullptr) {
     report(walk, segment, quantity, march);
   } else {
@@ -233,7 +236,11 @@ PixelSample RadianceCacheIntegrator::from_random_place(const Walk& walk, const M
   if (is_black(place.weight)) return {};
   const Vec3f position = segment.origin + segment.direction * place.t;
   const cache::Index* index = find(medium_component(walk, technique_.rest));
-  const cache::Interpolation found = index != nullptr ? index->look_up(position) : cache::Interpolation{};
+  cache::Interpolation found;
+  if (index != nullptr) {
+    found = index->look_up(position);
+    index->recover_visible(position, Vec3f(0), cache::RayVisibility(world_->scene(), counters), found);
+  }
   if (found.weight > 0) return {.cached = place.weight * found.radiance};
   return {.cached = place.weight *
                     scattered_path(walk, *segment.medium, position, segment.direction, random, counters)};
@@ -322,8 +329,12 @@ Spectrum RadianceCacheIntegrator::arriving_at(const Walk& walk, const scene::Sur
   const int32_t medium = world_->medium_beyond(surface, -walk.ray.direction, walk.medium);
   const cache::Component component{medium, 0, published_.generation, cache::Quantity::irradiance};
   const cache::Index* index = find(component);
-  const cache::Interpolation found =
-      index != nullptr ? index->look_up(surface.position, side) : cache::Interpolation{};
+  cache::Interpolation found;
+  if (index != nullptr) {
+    found = index->look_up(surface.position, side);
+    const Vec3f above = surface.spawn_origin(side);
+    index->recover_visible(above, side, cache::RayVisibility(world_->scene(), counters), found);
+  }
   if (walk.observer != nullptr) {
     walk.observer->look_up({.place = {surface.position, side, component},
                             .found = found,
