@@ -14,6 +14,9 @@ constexpr std::chrono::seconds commit_delay{2};
 
 }  // namespace
 
+SceneCache::SceneCache(std::shared_ptr<SceneCache> original)
+    : original_(std::move(original)), records_(original_->records()), epoch_(original_->epoch()) {}
+
 SceneCache::SceneCache(std::shared_ptr<StoredCache> stored, const scene::FieldIdentity& field)
     : stored_(std::move(stored)), emission_(field.emission), records_(std::make_shared<const RecordSet>()) {
   storage_.stored = true;
@@ -60,6 +63,7 @@ void SceneCache::unite(RecordSet&& records) {
 
 void SceneCache::add(std::vector<Record> records) {
   if (records.empty()) return;
+  if (original_ != nullptr) original_->add(records);
   RecordSet added(std::move(records));
   const std::lock_guard adding(adding_);
   if (stored_ != nullptr) {

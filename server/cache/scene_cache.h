@@ -31,6 +31,9 @@ class SceneCache {
  public:
   SceneCache() : SceneCache(std::make_shared<const RecordSet>()) {}
   explicit SceneCache(std::shared_ptr<const RecordSet> records) : records_(std::move(records)) {}
+  /// A fork: begins with what `original` holds, and what is added here is added there, too; what others add
+  /// there never comes here.
+  explicit SceneCache(std::shared_ptr<SceneCache> original);
   /// What `stored` holds, for the emission that `field` is of, and all that is added later goes there. A
   /// folder that can't be read or written is a problem of storage(), not of the cache.
   SceneCache(std::shared_ptr<StoredCache> stored, const scene::FieldIdentity& field);
@@ -59,6 +62,7 @@ class SceneCache {
   void run_writer();
   void save_pending(std::unique_lock<std::mutex>& lock);
 
+  std::shared_ptr<SceneCache> original_;  ///< of a fork
   std::shared_ptr<StoredCache> stored_;
   std::vector<Spectrum> emission_;
   std::mutex adding_;         ///< one union at a time

@@ -6,6 +6,7 @@
 #include <limits>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/random.h"
@@ -109,6 +110,22 @@ class Preparation {
   virtual void run(uint32_t task, RayCounters& counters) = 0;
   /// Share of the whole preparation that is done, about; 0 to 1.
   virtual double fraction() const = 0;
+
+  // Of `Integrator::prepare`, for several processes that go through the same rounds together. One of them
+  // collects the results of tasks that others ran, and tells all what came of each round: then all of them
+  // plan the same next round, and publish the same. The bytes are those of this build; who reads them checks
+  // every length and number, and throws Error(invalid_argument, "POISONED_RESULT") where they make no sense.
+  // A preparation that doesn't know how throws Error(unsupported, "NOT_SHARED").
+
+  /// What `run` brought, after it.
+  virtual std::string result(uint32_t task) const;
+  /// In place of `run`, with what `result` gave elsewhere. Any thread, each task once at a time.
+  virtual void accept(uint32_t task, std::string_view result);
+  /// What the round brought, as far as its tasks are done; `next_round` or the destructor follows.
+  virtual std::string outcome();
+  /// In place of the round's tasks, with what `outcome` gave elsewhere; `next_round` or the destructor
+  /// follows.
+  virtual void adopt(std::string_view outcome);
 };
 
 /// What one pass takes of every pixel: samples [first, first + count).

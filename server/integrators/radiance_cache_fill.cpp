@@ -115,7 +115,16 @@ double RadianceCacheFill::fraction() const {
   return round_ == Round::done ? 1 : 1 - static_cast<double>(stride_) / first_stride;
 }
 
+void RadianceCacheFill::settle() {
+  if (std::exchange(settled_, true)) return;
+  if (round_ == Round::probing) grant_wishes();
+  if (round_ == Round::finding_sources) grant_sources();
+  if (round_ == Round::surveying) grant_refinements();
+}
+
 uint32_t RadianceCacheFill::next_round() {
+  settle();
+  settled_ = false;
   switch (round_) {
     case Round::begin:
       if (CachePilot& pilot = integrator_.pilot(); pilot.records().empty()) {
@@ -139,7 +148,6 @@ uint32_t RadianceCacheFill::next_round() {
       publish();
       return begin_bands(Round::probing);
     case Round::probing:
-      grant_wishes();
       if (!granted_.empty() && ++attempts_ <= most_attempts) {
         levels_.assign(granted_.size(), 0);
         if (generation_ == 0) return begin_making(Round::making, granted_);
@@ -153,7 +161,6 @@ uint32_t RadianceCacheFill::next_round() {
       stride_ /= 2;
       return begin_bands(Round::probing);
     case Round::finding_sources:
-      grant_sources();
       if (!granted_sources_.empty()) return begin_making(Round::making_sources, granted_sources_);
       return begin_making(Round::making, granted_);
     case Round::making_sources:
@@ -163,7 +170,9 @@ uint32_t RadianceCacheFill::next_round() {
       publish();
       return begin_bands(Round::probing);
     case Round::surveying:
-      return begin_refining();
+      if (!granted_.empty()) return begin_making(Round::refining, granted_);
+      round_ = Round::done;
+      break;
     case Round::refining:
       publish();
       return begin_surveying();
@@ -198,7 +207,7 @@ uint32_t RadianceCacheFill::begin_surveying() {
   return 0;
 }
 
-uint32_t RadianceCacheFill::begin_refining() {
+void RadianceCacheFill::grant_refinements() {
   RecordNoise noise(*integrator_.published().epoch);
   for (RecordNoise& band : noise_) noise.append(std::move(band));
   granted_.clear();
@@ -214,11 +223,6 @@ uint32_t RadianceCacheFill::begin_refining() {
     granted_.push_back({set.position(range, place), set.normal(range, place), range.component});
     levels_.push_back(level);
   }
-  if (granted_.empty()) {
-    round_ = Round::done;
-    return 0;
-  }
-  return begin_making(Round::refining, granted_);
 }
 
 void RadianceCacheFill::run(uint32_t task, RayCounters& counters) {

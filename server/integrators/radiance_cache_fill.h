@@ -4,9 +4,13 @@
 #pragma once
 
 #include <map>
+#include <optional>
+#include <string>
+#include <string_view>
 #include <tuple>
 #include <vector>
 
+#include "cache/store/bytes.h"
 #include "cache/thinning.h"
 #include "integrators/radiance_cache.h"
 #include "integrators/record_noise.h"
@@ -25,6 +29,13 @@ class RadianceCacheFill final : public Preparation {
   void run(uint32_t task, RayCounters& counters) override;
   double fraction() const override;
 
+  // radiance_cache_fill_results.cpp:
+
+  std::string result(uint32_t task) const override;
+  void accept(uint32_t task, std::string_view result) override;
+  std::string outcome() override;
+  void adopt(std::string_view outcome) override;
+
  private:
   /// Pilot once a job; then, stride after stride of pixels, probing and making until nothing is uncovered.
   /// What records of a later generation read is made before them, where it isn't there. In the end places
@@ -41,18 +52,28 @@ class RadianceCacheFill final : public Preparation {
     done
   };
 
+  /// What the round's results come to: which records are granted. Once a round.
+  void settle();
+  /// Throw as `accept` for what the scene and the fill know nothing of.
+  void check(const cache::Component& component, uint8_t generation) const;
+  std::vector<cache::Wish> take_wishes(cache::ByteReader& reader, uint8_t generation) const;
+  cache::Record take_record_of(cache::ByteReader& reader, const cache::Wish& wish) const;
+  std::optional<cache::Record> take_pilot_record(cache::ByteReader& reader) const;
+  const std::vector<cache::Wish>& wishes_of_round() const;  ///< of a round of making
+
   /// Of the records that the camera is to see; needs the pilot.
   void choose_generation();
   /// Of a round that looks at the camera's rays, a band of pixels a task.
   uint32_t begin_bands(Round round);
   uint32_t begin_surveying();
-  uint32_t begin_refining();
   uint32_t begin_making(Round round, const std::vector<cache::Wish>& wishes);
   /// Camera rays through a band of pixels, `stride_` apart, looked at by `observer`; `end_ray()` after each.
   template <typename EndRay>
   void observe_band(uint32_t band, LookUpObserver& observer, const EndRay& end_ray,
                     RayCounters& counters) const;
   void grant_wishes();
+  /// By the noise that was surveyed.
+  void grant_refinements();
   /// Places that the granted wish `number` reads and no record of the generation before reaches.
   void find_sources(uint32_t number, RayCounters& counters);
   void grant_sources();
@@ -78,6 +99,7 @@ class RadianceCacheFill final : public Preparation {
   float sources_radius_ = 0;                     ///< typical
   double direct_floor_ = 1;                      ///< cache::MetricSettings::direct_floor
   Round round_ = Round::begin;
+  bool settled_ = false;
   int32_t stride_ = 0;
   int32_t attempts_ = 0;                               ///< rounds of making at this stride
   std::vector<std::vector<cache::SpacedWish>> found_;  ///< by band

@@ -32,6 +32,9 @@ class CachePilot {
   /// Record of a place, unless it was recalled; nothing where the medium wasn't found. Needs
   /// scene::prepare_render_thread. Any thread.
   void make(uint32_t number, const cache::RecordMaker& maker, RayCounters& counters);
+  /// In place of `make`, with the record that was made elsewhere.
+  void set(uint32_t number, const std::optional<cache::Record>& record) { records_[number] = record; }
+  const std::optional<cache::Record>& record(uint32_t number) const { return records_[number]; }
   std::vector<cache::Record> records() const;
   /// Metric that bounds the relative error at the border of typical extents by `border_error`. Extents are at
   /// most `maximum_radius`.

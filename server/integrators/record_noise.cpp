@@ -1,8 +1,11 @@
 #include "integrators/record_noise.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <set>
+
+#include "cache/record_bytes.h"
 
 namespace fogbank::integrators {
 
@@ -35,6 +38,63 @@ void RecordNoise::end_ray() {
 }
 
 void RecordNoise::append(RecordNoise&& other) { std::ranges::move(other.rays_, std::back_inserter(rays_)); }
+
+std::string RecordNoise::bytes() const {
+  // Components once, in front; their numbers in each ray.
+  std::map<const cache::Index*, uint16_t> numbers;
+  for (const Ray& ray : rays_)
+    for (const auto& [place, variance] : ray.variances) numbers.emplace(place.first, 0);
+  std::string bytes;
+  cache::append_bytes(bytes, static_cast<uint32_t>(numbers.size()));
+  uint16_t next = 0;
+  for (auto& [index, number] : numbers) {
+    number = next++;
+    cache::append_component(bytes, index->component());
+  }
+  cache::append_bytes(bytes, static_cast<uint32_t>(rays_.size()));
+  for (const Ray& ray : rays_) {
+    cache::append_bytes(bytes, ray.luminance);
+    cache::append_bytes(bytes, static_cast<uint32_t>(ray.variances.size()));
+    for (const auto& [place, variance] : ray.variances) {
+      cache::append_bytes(bytes, numbers.at(place.first));
+      cache::append_bytes(bytes, place.second);
+      cache::append_bytes(bytes, variance);
+    }
+  }
+  return bytes;
+}
+
+RecordNoise RecordNoise::from_bytes(const cache::Epoch& epoch, std::string_view bytes) {
+  constexpr size_t least_ray_bytes = 12;
+  constexpr size_t variance_bytes = 14;
+  cache::ByteReader reader(bytes);
+  const auto finite = [&] {
+    const auto value = reader.take<double>();
+    if (!std::isfinite(value) || value < 0) cache::refuse_poisoned("a noise is not finite");
+    return value;
+  };
+  std::vector<const cache::Index*> indices(cache::take_count(reader, cache::component_bytes));
+  for (const cache::Index*& index : indices) {
+    index = epoch.find(cache::take_component(reader));
+    if (index == nullptr) cache::refuse_poisoned("a component has no records");
+  }
+  RecordNoise noise(epoch);
+  noise.rays_.resize(cache::take_count(reader, least_ray_bytes));
+  for (Ray& ray : noise.rays_) {
+    ray.luminance = finite();
+    const uint32_t count = cache::take_count(reader, variance_bytes);
+    ray.variances.reserve(count);
+    for (uint32_t i = 0; i < count; ++i) {
+      const auto number = reader.take<uint16_t>();
+      const auto place = reader.take<uint32_t>();
+      if (number >= indices.size() || place >= indices[number]->range().place_count)
+        cache::refuse_poisoned("there is no such place");
+      ray.variances.emplace_back(Place{indices[number], place}, finite());
+    }
+  }
+  cache::expect_end(reader);
+  return noise;
+}
 
 std::vector<RecordNoise::Place> RecordNoise::noisy(double error) const {
   double mean = 0;

@@ -3,6 +3,8 @@
 
 #include <cstdint>
 #include <map>
+#include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -24,6 +26,11 @@ class RecordNoise final : public LookUpObserver {
   void end_ray();
   /// Adds the rays of `other`, seen against the same epoch.
   void append(RecordNoise&& other);
+
+  /// As bytes, and back again: seen against an epoch of the same records and settings. Throws
+  /// Error(invalid_argument, "POISONED_RESULT").
+  std::string bytes() const;
+  static RecordNoise from_bytes(const cache::Epoch& epoch, std::string_view bytes);
 
   /// Places without which the noise of rays would be at most `error` of their light from records plus a tenth
   /// of its mean: on each ray that is noisier, those with at least half of the mean share. Ascending by

@@ -1,0 +1,211 @@
+// What the tasks and rounds of a fill bring, as bytes.
+#include <algorithm>
+
+#include "cache/record_bytes.h"
+#include "integrators/radiance_cache_fill.h"
+
+namespace fogbank::integrators {
+
+namespace {
+
+/// Of samples behind records: beyond are more than numbers hold.
+constexpr uint32_t greatest_level = 10;
+
+std::string bytes_of(const std::vector<cache::Wish>& wishes) {
+  std::string bytes;
+  cache::append_bytes(bytes, static_cast<uint32_t>(wishes.size()));
+  for (const cache::Wish& wish : wishes) cache::append_wish(bytes, wish);
+  return bytes;
+}
+
+std::string bytes_of(const std::vector<cache::SpacedWish>& wishes) {
+  std::string bytes;
+  cache::append_bytes(bytes, static_cast<uint32_t>(wishes.size()));
+  for (const cache::SpacedWish& wish : wishes) cache::append_wish(bytes, wish);
+  return bytes;
+}
+
+/// Present or not, and the record.
+void append_optional(std::string& bytes, const std::optional<cache::Record>& record) {
+  cache::append_bytes(bytes, static_cast<uint8_t>(record.has_value()));
+  if (record) cache::append_record(bytes, *record);
+}
+
+bool take_flag(cache::ByteReader& reader) {
+  const auto flag = reader.take<uint8_t>();
+  if (!reader.ok() || flag > 1) cache::refuse_poisoned("a flag is neither 0 nor 1");
+  return flag != 0;
+}
+
+}  // namespace
+
+void RadianceCacheFill::check(const cache::Component& component, uint8_t generation) const {
+  const auto media = static_cast<int32_t>(integrator_.world()->scene().media.size());
+  const CacheTechnique& technique = integrator_.technique();
+  const bool on_surface = component.quantity == cache::Quantity::irradiance;
+  if (component.medium >= media || component.medium < (on_surface ? scene::none : 0))
+    cache::refuse_poisoned("the scene has no medium " + std::to_string(component.medium));
+  if (component.scattering_order > generation) cache::refuse_poisoned("a generation is none of this fill's");
+  if (cache::is_unaware(component.quantity) && component.quantity != technique.rest &&
+      component.quantity != technique.direct)
+    cache::refuse_poisoned("a quantity is none of this integrator's");
+}
+
+std::vector<cache::Wish> RadianceCacheFill::take_wishes(cache::ByteReader& reader, uint8_t generation) const {
+  std::vector<cache::Wish> wishes(cache::take_count(reader, cache::wish_bytes));
+  for (cache::Wish& wish : wishes) {
+    wish = cache::take_wish(reader);
+    check(wish.component, generation);
+  }
+  return wishes;
+}
+
+cache::Record RadianceCacheFill::take_record_of(cache::ByteReader& reader, const cache::Wish& wish) const {
+  cache::Record record = cache::take_record(reader);
+  if (record.position != wish.position || record.component != wish.component)
+    cache::refuse_poisoned("a record is of another place");
+  if (record.id == 0) cache::refuse_poisoned("a record has no id");
+  return record;
+}
+
+std::optional<cache::Record> RadianceCacheFill::take_pilot_record(cache::ByteReader& reader) const {
+  if (!take_flag(reader)) return std::nullopt;
+  const cache::Record record = cache::take_record(reader);
+  check(record.component, 0);
+  if (record.component.quantity != integrator_.technique().rest)
+    cache::refuse_poisoned("a record of the pilot is of another quantity");
+  return record;
+}
+
+const std::vector<cache::Wish>& RadianceCacheFill::wishes_of_round() const {
+  return round_ == Round::making_sources ? granted_sources_ : granted_;
+}
+
+std::string RadianceCacheFill::result(uint32_t task) const {
+  std::string bytes;
+  switch (round_) {
+    case Round::pilot:
+      append_optional(bytes, integrator_.pilot().record(task));
+      break;
+    case Round::probing:
+    case Round::finding_sources:
+      return bytes_of(found_[task]);
+    case Round::surveying:
+      return noise_[task].bytes();
+    case Round::making_sources:
+    case Round::making:
+    case Round::refining:
+      cache::append_record(bytes, made_[task]);
+      break;
+    case Round::begin:
+    case Round::done:
+      break;
+  }
+  return bytes;
+}
+
+void RadianceCacheFill::accept(uint32_t task, std::string_view result) {
+  cache::ByteReader reader(result);
+  switch (round_) {
+    case Round::pilot: {
+      const std::optional<cache::Record> record = take_pilot_record(reader);
+      cache::expect_end(reader);
+      integrator_.pilot().set(task, record);
+      break;
+    }
+    case Round::probing:
+    case Round::finding_sources: {
+      std::vector<cache::SpacedWish> found(cache::take_count(reader, cache::spaced_wish_bytes));
+      for (cache::SpacedWish& wish : found) {
+        wish = cache::take_spaced_wish(reader);
+        check(wish.wish.component, generation_);
+      }
+      cache::expect_end(reader);
+      found_[task] = std::move(found);
+      break;
+    }
+    case Round::surveying:
+      noise_[task] = RecordNoise::from_bytes(*integrator_.published().epoch, result);
+      break;
+    case Round::making_sources:
+    case Round::making:
+    case Round::refining: {
+      const cache::Record record = take_record_of(reader, wishes_of_round()[task]);
+      cache::expect_end(reader);
+      made_[task] = record;
+      break;
+    }
+    case Round::begin:
+    case Round::done:
+      break;
+  }
+}
+
+std::string RadianceCacheFill::outcome() {
+  settle();
+  std::string bytes;
+  switch (round_) {
+    case Round::pilot:
+      for (uint32_t place = 0; place < integrator_.pilot().count(); ++place)
+        append_optional(bytes, integrator_.pilot().record(place));
+      break;
+    case Round::probing:
+      return bytes_of(granted_);
+    case Round::finding_sources:
+      return bytes_of(granted_sources_);
+    case Round::surveying:
+      bytes = bytes_of(granted_);
+      for (const uint32_t level : levels_) cache::append_bytes(bytes, level);
+      break;
+    case Round::making_sources:
+    case Round::making:
+    case Round::refining:
+      // Those of a round that was dropped may be missing.
+      for (const cache::Record& record : made_) {
+        const bool done = record.id != 0;
+        append_optional(bytes, done ? std::optional(record) : std::nullopt);
+      }
+      break;
+    case Round::begin:
+    case Round::done:
+      break;
+  }
+  return bytes;
+}
+
+void RadianceCacheFill::adopt(std::string_view outcome) {
+  cache::ByteReader reader(outcome);
+  switch (round_) {
+    case Round::pilot:
+      for (uint32_t place = 0; place < integrator_.pilot().count(); ++place)
+        integrator_.pilot().set(place, take_pilot_record(reader));
+      break;
+    case Round::probing:
+      granted_ = take_wishes(reader, generation_);
+      break;
+    case Round::finding_sources:
+      granted_sources_ = take_wishes(reader, generation_);
+      break;
+    case Round::surveying:
+      granted_ = take_wishes(reader, generation_);
+      levels_.resize(granted_.size());
+      for (uint32_t& level : levels_) {
+        level = reader.take<uint32_t>();
+        if (level > greatest_level) cache::refuse_poisoned("a place has no record of such a number");
+      }
+      break;
+    case Round::making_sources:
+    case Round::making:
+    case Round::refining:
+      for (size_t i = 0; i < made_.size(); ++i)
+        made_[i] = take_flag(reader) ? take_record_of(reader, wishes_of_round()[i]) : cache::Record{};
+      break;
+    case Round::begin:
+    case Round::done:
+      break;
+  }
+  cache::expect_end(reader);
+  settled_ = true;
+}
+
+}  // namespace fogbank::integrators
