@@ -4,7 +4,6 @@
 #include <bit>
 
 #include "cache/extents.h"
-#include "core/sha256.h"
 #include "derivatives/light_proxy.h"
 
 namespace fogbank::cache {
@@ -12,8 +11,6 @@ namespace {
 
 constexpr float greatest_value = 1e30f;
 constexpr float greatest_growth = 3.0f;
-/// Digest of a generation without records, to which no setting matters.
-constexpr uint64_t no_records = 0;
 
 /// Elements where `condition` holds, 0 elsewhere.
 Float8 select(Int8 condition, Float8 values) {
@@ -320,21 +317,6 @@ Epoch::Epoch(std::shared_ptr<const RecordSet> set, const MetricSettings& setting
   validate(settings);
   indices_.reserve(set_->components().size());
   for (const ComponentRange& range : set_->components()) indices_.emplace_back(set_, range, settings);
-
-  // Sums don't depend on the order of records.
-  std::vector<uint64_t> sums;
-  for (const ComponentRange& range : set_->components()) {
-    const size_t order = range.component.scattering_order;
-    if (sums.size() <= order) sums.resize(order + 1, 0);
-    for (const uint64_t id : set_->ids(range)) sums[order] += id;
-  }
-  const std::string bytes = bytes_of(settings);
-  for (const uint64_t sum : sums)
-    digests_.push_back(std::stoull(sha256(std::to_string(sum) + ' ' + bytes).substr(0, 16), nullptr, 16));
-}
-
-uint64_t Epoch::digest(uint8_t scattering_order) const {
-  return scattering_order < digests_.size() ? digests_[scattering_order] : no_records;
 }
 
 const Index* Epoch::find(const Component& component) const {

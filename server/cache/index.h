@@ -107,9 +107,6 @@ class Epoch {
   Epoch(std::shared_ptr<const RecordSet> set, const MetricSettings& settings);
 
   const RecordSet& records() const { return *set_; }
-  /// Hash of all that look-ups in the records of one generation depend on: the records' ids, in any order,
-  /// and the settings.
-  uint64_t digest(uint8_t scattering_order) const;
   const MetricSettings& settings() const { return settings_; }
   /// Null where the set holds no record of it.
   const Index* find(const Component& component) const;
@@ -119,8 +116,7 @@ class Epoch {
  private:
   std::shared_ptr<const RecordSet> set_;
   MetricSettings settings_;
-  std::vector<Index> indices_;     ///< ascending by component
-  std::vector<uint64_t> digests_;  ///< by generation
+  std::vector<Index> indices_;  ///< ascending by component
 };
 
 }  // namespace fogbank::cache

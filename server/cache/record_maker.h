@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "cache/index.h"
+#include "cache/photon_field.h"
 #include "cache/record.h"
 #include "core/ray_counters.h"
 #include "transport/world.h"
@@ -25,20 +25,21 @@ struct RecordMakerSettings {
   int32_t samples = 256;
   int32_t max_depth = -1;  ///< edges of a whole path, as IntegratorSettings; -1: unbounded
   uint64_t seed = 0;
+  /// Of records of generation 1: where the paths that they are made of end. Null for generation 0, whose
+  /// paths end by themselves.
+  std::shared_ptr<PhotonField> photons = nullptr;
 };
+
+/// Scattering events between the camera and the light that a record is made of: one, at its own place.
+inline constexpr int32_t record_depth = 1;
 
 /// Immutable; one instance serves all threads.
 class RecordMaker {
  public:
   virtual ~RecordMaker() = default;
-  /// The record of `wish`: a pure function of (world, settings, wish, sources), valid as validate() asks.
-  /// Generation k > 0 reads the light of medium and surfaces from the records of generation k - 1 in
-  /// `sources`, and traces paths where none reaches. `sources` may be null. Throws Interrupted soon after
-  /// `counters.stop` was set.
-  virtual Record make(const Wish& wish, const Epoch* sources, RayCounters& counters) const = 0;
-  /// Places whose light `make` would look up in `sources`, a sample of about `count` of them: what the
-  /// generation before must cover. Nothing for generation 0.
-  virtual std::vector<Wish> sources_of(const Wish& wish, int32_t count, RayCounters& counters) const = 0;
+  /// The record of `wish`: a pure function of (world, settings, wish), valid as validate() asks. Throws
+  /// Interrupted soon after `counters.stop` was set.
+  virtual Record make(const Wish& wish, RayCounters& counters) const = 0;
 };
 
 /// Throws Error(invalid_argument, "INVALID_SETTINGS") naming the field.

@@ -93,6 +93,14 @@ void RadianceCacheIntegrator::publish(PublishedCache published, uint64_t records
   records_new_ += records_new;
 }
 
+const std::shared_ptr<cache::PhotonField>& RadianceCacheIntegrator::photons(uint32_t paths) {
+  if (!photons_ || photons_->paths() != paths) {
+    scene::prepare_render_thread();
+    photons_ = std::make_shared<cache::PhotonField>(world_, paths, settings_.max_depth);
+  }
+  return photons_;
+}
+
 bool RadianceCacheIntegrator::is_cached(const MediumInfo& medium) {
   return medium.phase.is_isotropic() && !is_black(medium.sigma_s);
 }

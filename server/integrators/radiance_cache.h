@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "cache/index.h"
+#include "cache/photon_field.h"
 #include "cache/record_maker.h"
 #include "cache/scene_cache.h"
 #include "integrators/camera_march.h"
@@ -60,6 +61,9 @@ class RadianceCacheIntegrator final : public Integrator {
   cache::SceneCache& cache() { return *cache_; }
   CachePilot& pilot() { return pilot_; }
   const PublishedCache& published() const { return published_; }
+  /// Where paths in dense media end: at those of so many photons' paths. Kept until another number is asked
+  /// for; by one thread at a time.
+  const std::shared_ptr<cache::PhotonField>& photons(uint32_t paths);
   /// While nothing is rendered.
   void publish(PublishedCache published, uint64_t records_new);
 
@@ -122,6 +126,7 @@ class RadianceCacheIntegrator final : public Integrator {
   uint64_t records_new_ = 0;
   CachePilot pilot_;
   PublishedCache published_;
+  std::shared_ptr<cache::PhotonField> photons_;
 };
 
 }  // namespace fogbank::integrators

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "cache/cached_light.h"
 #include "cache/metric.h"
 #include "integrators/uncovered_places.h"
 #include "scene/intersector.h"
@@ -23,9 +22,12 @@ constexpr int32_t band_strides = 4;
 constexpr uint32_t probe_stream = 1;
 /// Directions of a place's first record.
 constexpr int32_t first_samples = 64;
-/// Rays of a path-traced record, for each of these, above which records that read others are worth the
-/// records that those need first: high albedo in dense media. Reading takes 40 to 50.
+/// Rays of a path-traced record, for each of these, above which photons are worth being traced first: paths
+/// in dense media of high albedo.
 constexpr double long_paths_rays = 180;
+/// Generation 0 holds paths of max_depth edges at most, photons end paths with up to as many more. Where that
+/// may be more than a trace records are path traced.
+constexpr int32_t least_depth_of_photons = 8;
 /// Further records of a place: the noisier the picture would be, the more.
 constexpr uint32_t most_level = 6;
 /// Rounds of further records in a stage.
@@ -35,15 +37,19 @@ constexpr int32_t surveying_stride = 8;
 constexpr double noise_share = 0.3;
 /// Of ratios: grids of 8 x 8 cells over a light.
 constexpr int32_t ratio_samples = 1024;
-/// Places that are looked for per record, to see where sources are missing.
-constexpr int32_t source_probes = 32;
-/// Error that sources are made for, over the target's: gathers average theirs over all directions.
-constexpr double source_error = 2;
 /// Relative error at the border of typical extents, for a relative error of pixels of 1: errors there are the
 /// largest of an extent, and those of a ray's records partly cancel.
 constexpr double border_error_per_error = 3;
 constexpr double greatest_radius = 0.25;  ///< of the scene's (method.md section 17)
 constexpr double least_radius = 1e-4;     ///< of the scene's
+
+/// Of photons, for the relative error that is wanted of pixels. Their noise is common to all records, so it
+/// falls as that error's square root only: gathers over all directions make it small.
+uint32_t photon_paths(double error) {
+  constexpr double at_once = 1 << 16;
+  constexpr double most_times = 16;
+  return static_cast<uint32_t>(at_once * std::clamp(0.5 / error, 1.0, most_times));
+}
 
 }  // namespace
 
@@ -74,36 +80,27 @@ void RadianceCacheFill::leave_unfinished() {
     integrator_.publish(before_, made);
     return;
   }
-  // Sources are there before the records that read them.
-  const auto has = [&](uint8_t generation) {
-    const std::shared_ptr<const cache::RecordSet> records = integrator_.cache().records();
-    return std::ranges::any_of(records->components(), [&](const cache::ComponentRange& range) {
-      return range.component.scattering_order == generation;
-    });
-  };
-  if (generation_ > 0 && !has(generation_)) generation_ = 0;
   publish();
 }
 
 void RadianceCacheFill::choose_generation() {
-  const cache::Component later{.scattering_order = 1, .quantity = integrator_.technique().rest};
   const std::vector<cache::Record> pilot = integrator_.pilot().records();
   double rays = 0;
   for (const cache::Record& record : pilot) rays += static_cast<double>(record.samples);
   const bool long_paths = rays > long_paths_rays * first_samples * static_cast<double>(pilot.size());
-  const bool can_read =
-      later.quantity == cache::Quantity::rest &&
-      cache::reads_records({.component = later}, {.max_depth = integrator_.settings().max_depth});
-  generation_ = long_paths && can_read ? 1 : 0;
+  const int32_t max_depth = integrator_.settings().max_depth;
+  const bool any_depth = max_depth < 0 || max_depth >= least_depth_of_photons;
+  generation_ = long_paths && any_depth && integrator_.technique().rest == cache::Quantity::rest ? 1 : 0;
 }
 
 void RadianceCacheFill::need_maker(const cache::Component& component, uint32_t level) {
-  const bool reads = component.scattering_order > 0;
-  std::unique_ptr<const cache::RecordMaker>& maker = makers_[{component.quantity, reads, level}];
+  const bool photons = component.scattering_order > 0;
+  std::unique_ptr<const cache::RecordMaker>& maker = makers_[{component.quantity, photons, level}];
   if (maker) return;
   cache::RecordMakerSettings settings{.samples = first_samples << (2 * level),
                                       .max_depth = integrator_.settings().max_depth};
   if (component.quantity == cache::Quantity::ratio) settings = {.samples = ratio_samples};
+  if (photons) settings.photons = integrator_.photons(photon_paths(target_.error));
   maker = cache::make_record_maker(component.quantity, integrator_.world(), settings);
 }
 
@@ -118,7 +115,6 @@ double RadianceCacheFill::fraction() const {
 void RadianceCacheFill::settle() {
   if (std::exchange(settled_, true)) return;
   if (round_ == Round::probing) grant_wishes();
-  if (round_ == Round::finding_sources) grant_sources();
   if (round_ == Round::surveying) grant_refinements();
 }
 
@@ -150,27 +146,17 @@ uint32_t RadianceCacheFill::next_round() {
     case Round::probing:
       if (!granted_.empty() && ++attempts_ <= most_attempts) {
         levels_.assign(granted_.size(), 0);
-        if (generation_ == 0) return begin_making(Round::making, granted_);
-        for (const cache::Wish& wish : granted_) need_maker(wish.component, 0);
-        round_ = Round::finding_sources;
-        found_.assign(granted_.size(), {});
-        return static_cast<uint32_t>(granted_.size());
+        return begin_making(Round::making);
       }
       attempts_ = 0;
       if (stride_ <= (target_.preview ? last_preview_stride : last_stride)) return begin_surveying();
       stride_ /= 2;
       return begin_bands(Round::probing);
-    case Round::finding_sources:
-      if (!granted_sources_.empty()) return begin_making(Round::making_sources, granted_sources_);
-      return begin_making(Round::making, granted_);
-    case Round::making_sources:
-      publish();
-      return begin_making(Round::making, granted_);
     case Round::making:
       publish();
       return begin_bands(Round::probing);
     case Round::surveying:
-      if (!granted_.empty()) return begin_making(Round::refining, granted_);
+      if (!granted_.empty()) return begin_making(Round::refining);
       round_ = Round::done;
       break;
     case Round::refining:
@@ -182,12 +168,11 @@ uint32_t RadianceCacheFill::next_round() {
   return 0;
 }
 
-uint32_t RadianceCacheFill::begin_making(Round round, const std::vector<cache::Wish>& wishes) {
+uint32_t RadianceCacheFill::begin_making(Round round) {
   round_ = round;
-  made_.assign(wishes.size(), {});
-  const bool sources = round == Round::making_sources;
-  for (size_t i = 0; i < wishes.size(); ++i) need_maker(wishes[i].component, sources ? 0 : levels_[i]);
-  return static_cast<uint32_t>(wishes.size());
+  made_.assign(granted_.size(), {});
+  for (size_t i = 0; i < granted_.size(); ++i) need_maker(granted_[i].component, levels_[i]);
+  return static_cast<uint32_t>(granted_.size());
 }
 
 uint32_t RadianceCacheFill::begin_bands(Round round) {
@@ -242,16 +227,9 @@ void RadianceCacheFill::run(uint32_t task, RayCounters& counters) {
       observe_band(
           task, noise_[task], [&] { noise_[task].end_ray(); }, counters);
       break;
-    case Round::finding_sources:
-      find_sources(task, counters);
-      break;
-    case Round::making_sources:
-      made_[task] = maker(granted_sources_[task].component).make(granted_sources_[task], nullptr, counters);
-      break;
     case Round::making:
     case Round::refining:
-      made_[task] =
-          maker(granted_[task].component, levels_[task]).make(granted_[task], sources_.get(), counters);
+      made_[task] = maker(granted_[task].component, levels_[task]).make(granted_[task], counters);
       break;
     case Round::begin:
     case Round::done:
@@ -285,29 +263,6 @@ void RadianceCacheFill::grant_wishes() {
   for (const uint32_t i : cache::thin(all, 0, records_left())) granted_.push_back(all[i].wish);
 }
 
-void RadianceCacheFill::find_sources(uint32_t number, RayCounters& counters) {
-  const cache::Wish& wish = granted_[number];
-  std::vector<cache::SpacedWish> missing;
-  for (const cache::Wish& source : maker(wish.component).sources_of(wish, source_probes, counters)) {
-    const cache::Index* index = sources_->find(source.component);
-    const bool on_surface = source.component.quantity == cache::Quantity::irradiance;
-    const float weight = index == nullptr ? 0
-                         : on_surface     ? index->look_up(source.position, source.normal).weight
-                                          : index->look_up(source.position).weight;
-    if (weight < least_weight) missing.push_back({source, spacing_share * sources_radius_});
-  }
-  found_[number] = std::move(missing);
-}
-
-void RadianceCacheFill::grant_sources() {
-  std::vector<cache::SpacedWish> all;
-  for (std::vector<cache::SpacedWish>& found : found_) std::ranges::move(found, std::back_inserter(all));
-  granted_sources_.clear();
-  const uint64_t left = records_left();
-  const uint64_t most = left - std::min<uint64_t>(left, granted_.size());
-  for (const uint32_t i : cache::thin(all, 0, most)) granted_sources_.push_back(all[i].wish);
-}
-
 uint64_t RadianceCacheFill::records_left() const {
   const auto most = static_cast<uint64_t>(integrator_.settings().most_records);
   return most - std::min(most, integrator_.cache_counts().records_new);
@@ -328,10 +283,6 @@ void RadianceCacheFill::publish() {
   metric.footprints = {{camera_.position(), camera_.pixel_angle()}};
   integrator_.publish(
       {std::make_shared<const cache::Epoch>(records, metric), generation_, piloted.typical_radius}, made);
-  if (generation_ == 0 || (round_ != Round::making_sources && sources_)) return;
-  const PilotedMetric of_sources = pilot_metric(source_error * target_.error);
-  sources_ = std::make_shared<const cache::Epoch>(records, metric_of(of_sources));
-  sources_radius_ = of_sources.typical_radius;
 }
 
 PilotedMetric RadianceCacheFill::pilot_metric(double error) const {

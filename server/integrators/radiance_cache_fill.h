@@ -38,19 +38,8 @@ class RadianceCacheFill final : public Preparation {
 
  private:
   /// Pilot once a job; then, stride after stride of pixels, probing and making until nothing is uncovered.
-  /// What records of a later generation read is made before them, where it isn't there. In the end places
-  /// that make noise get further records, each of four times the samples of the one before.
-  enum class Round : uint8_t {
-    begin,
-    pilot,
-    probing,
-    finding_sources,
-    making_sources,
-    making,
-    surveying,
-    refining,
-    done
-  };
+  /// In the end places that make noise get further records, each of four times the samples of the one before.
+  enum class Round : uint8_t { begin, pilot, probing, making, surveying, refining, done };
 
   /// What the round's results come to: which records are granted. Once a round.
   void settle();
@@ -59,14 +48,13 @@ class RadianceCacheFill final : public Preparation {
   std::vector<cache::Wish> take_wishes(cache::ByteReader& reader, uint8_t generation) const;
   cache::Record take_record_of(cache::ByteReader& reader, const cache::Wish& wish) const;
   std::optional<cache::Record> take_pilot_record(cache::ByteReader& reader) const;
-  const std::vector<cache::Wish>& wishes_of_round() const;  ///< of a round of making
 
   /// Of the records that the camera is to see; needs the pilot.
   void choose_generation();
   /// Of a round that looks at the camera's rays, a band of pixels a task.
   uint32_t begin_bands(Round round);
   uint32_t begin_surveying();
-  uint32_t begin_making(Round round, const std::vector<cache::Wish>& wishes);
+  uint32_t begin_making(Round round);
   /// Camera rays through a band of pixels, `stride_` apart, looked at by `observer`; `end_ray()` after each.
   template <typename EndRay>
   void observe_band(uint32_t band, LookUpObserver& observer, const EndRay& end_ray,
@@ -74,9 +62,6 @@ class RadianceCacheFill final : public Preparation {
   void grant_wishes();
   /// By the noise that was surveyed.
   void grant_refinements();
-  /// Places that the granted wish `number` reads and no record of the generation before reaches.
-  void find_sources(uint32_t number, RayCounters& counters);
-  void grant_sources();
   /// Record number `level` of a place. Makes the maker if need be: not while tasks run.
   void need_maker(const cache::Component& component, uint32_t level);
   const cache::RecordMaker& maker(const cache::Component& component, uint32_t level = 0) const;
@@ -92,12 +77,10 @@ class RadianceCacheFill final : public Preparation {
   const CameraRays& camera_;
   CacheTarget target_;
   PublishedCache before_;  ///< by the last finished preparation; no epoch: there was none
-  /// By quantity, whether they read records, and level.
+  /// By quantity, whether their paths end among photons, and level.
   std::map<std::tuple<cache::Quantity, bool, uint32_t>, std::unique_ptr<const cache::RecordMaker>> makers_;
-  uint8_t generation_ = 0;                       ///< that the camera is to see
-  std::shared_ptr<const cache::Epoch> sources_;  ///< with the extents that are good enough for sources
-  float sources_radius_ = 0;                     ///< typical
-  double direct_floor_ = 1;                      ///< cache::MetricSettings::direct_floor
+  uint8_t generation_ = 0;   ///< that the camera is to see
+  double direct_floor_ = 1;  ///< cache::MetricSettings::direct_floor
   Round round_ = Round::begin;
   bool settled_ = false;
   int32_t stride_ = 0;
@@ -106,9 +89,8 @@ class RadianceCacheFill final : public Preparation {
   std::vector<RecordNoise> noise_;                     ///< by band
   int32_t refinements_ = 0;
   std::vector<cache::Wish> granted_;
-  std::vector<uint32_t> levels_;  ///< of granted_
-  std::vector<cache::Wish> granted_sources_;
-  std::vector<cache::Record> made_;  ///< one for each of granted_, or of granted_sources_
+  std::vector<uint32_t> levels_;     ///< of granted_
+  std::vector<cache::Record> made_;  ///< one for each of granted_
 };
 
 }  // namespace fogbank::integrators

@@ -77,10 +77,6 @@ std::optional<cache::Record> RadianceCacheFill::take_pilot_record(cache::ByteRea
   return record;
 }
 
-const std::vector<cache::Wish>& RadianceCacheFill::wishes_of_round() const {
-  return round_ == Round::making_sources ? granted_sources_ : granted_;
-}
-
 std::string RadianceCacheFill::result(uint32_t task) const {
   std::string bytes;
   switch (round_) {
@@ -88,11 +84,9 @@ std::string RadianceCacheFill::result(uint32_t task) const {
       append_optional(bytes, integrator_.pilot().record(task));
       break;
     case Round::probing:
-    case Round::finding_sources:
       return bytes_of(found_[task]);
     case Round::surveying:
       return noise_[task].bytes();
-    case Round::making_sources:
     case Round::making:
     case Round::refining:
       cache::append_record(bytes, made_[task]);
@@ -113,8 +107,7 @@ void RadianceCacheFill::accept(uint32_t task, std::string_view result) {
       integrator_.pilot().set(task, record);
       break;
     }
-    case Round::probing:
-    case Round::finding_sources: {
+    case Round::probing: {
       std::vector<cache::SpacedWish> found(cache::take_count(reader, cache::spaced_wish_bytes));
       for (cache::SpacedWish& wish : found) {
         wish = cache::take_spaced_wish(reader);
@@ -127,10 +120,9 @@ void RadianceCacheFill::accept(uint32_t task, std::string_view result) {
     case Round::surveying:
       noise_[task] = RecordNoise::from_bytes(*integrator_.published().epoch, result);
       break;
-    case Round::making_sources:
     case Round::making:
     case Round::refining: {
-      const cache::Record record = take_record_of(reader, wishes_of_round()[task]);
+      const cache::Record record = take_record_of(reader, granted_[task]);
       cache::expect_end(reader);
       made_[task] = record;
       break;
@@ -151,13 +143,10 @@ std::string RadianceCacheFill::outcome() {
       break;
     case Round::probing:
       return bytes_of(granted_);
-    case Round::finding_sources:
-      return bytes_of(granted_sources_);
     case Round::surveying:
       bytes = bytes_of(granted_);
       for (const uint32_t level : levels_) cache::append_bytes(bytes, level);
       break;
-    case Round::making_sources:
     case Round::making:
     case Round::refining:
       // Those of a round that was dropped may be missing.
@@ -183,9 +172,6 @@ void RadianceCacheFill::adopt(std::string_view outcome) {
     case Round::probing:
       granted_ = take_wishes(reader, generation_);
       break;
-    case Round::finding_sources:
-      granted_sources_ = take_wishes(reader, generation_);
-      break;
     case Round::surveying:
       granted_ = take_wishes(reader, generation_);
       levels_.resize(granted_.size());
@@ -194,11 +180,10 @@ void RadianceCacheFill::adopt(std::string_view outcome) {
         if (level > greatest_level) cache::refuse_poisoned("a place has no record of such a number");
       }
       break;
-    case Round::making_sources:
     case Round::making:
     case Round::refining:
       for (size_t i = 0; i < made_.size(); ++i)
-        made_[i] = take_flag(reader) ? take_record_of(reader, wishes_of_round()[i]) : cache::Record{};
+        made_[i] = take_flag(reader) ? take_record_of(reader, granted_[i]) : cache::Record{};
       break;
     case Round::begin:
     case Round::done:

@@ -94,7 +94,7 @@ void CachePilot::make(uint32_t number, const cache::RecordMaker& maker, RayCount
   const std::optional<Vec3f> position = place(number);
   if (!position) return;
   const cache::Component component{media_[number / places_per_medium], 0, 0, quantity_};
-  records_[number] = maker.make({*position, Vec3f(0), component}, nullptr, counters);
+  records_[number] = maker.make({*position, Vec3f(0), component}, counters);
 }
 
 std::vector<cache::Record> CachePilot::records() const {

@@ -172,15 +172,17 @@ Spectrum PathTracer::trace(Path& path, RandomStream& random, RayCounters& counte
     } else if (medium != nullptr) {
       const int32_t samples = path.depth == 0 ? camera_in_scatter_samples : 1;
       if (lit)
-        radiance += path.throughput *
-                    in_scattered_radiance(*world_, segment, path.medium, samples, both, random, counters);
+        radiance += path.throughput * in_scattered_radiance(*world_, segment, path.medium, samples,
+                                                            emission_in_media(), random, counters);
       const float u_channel = random.next_float();
       const float t = segment.sample_distance(u_channel, random.next_float());
       if (t < segment.length) {
         const float distance_pdf = segment.scatter_pdf(t);
         path.throughput *= medium->sigma_s * transmittance(medium->sigma_t, t) / distance_pdf;
         ++path.depth;
-        path.sees_emission = true;
+        path.sees_emission = known_ == nullptr;
+        if (const auto rest = known_ ? known_->scattered_before(path.ray.at(t), path.medium) : std::nullopt)
+          return radiance + path.throughput * *rest;
         if (!survives_roulette(path, random)) break;
         const PhaseSample phase = medium->phase.sample(path.ray.direction, random.next_vec2());
         path.last = Path::Last::segment;
@@ -251,8 +253,12 @@ Spectrum PathTracer::mean_radiance(const Vec3f& position, int32_t medium, int32_
   path.medium = medium;
   path.depth = depth;
   if (!may_scatter(path)) return Spectrum(0);
-  const Spectrum radiance = mean_direct_light(*world_, position, medium, both, random, counters);
+  const Spectrum radiance =
+      mean_direct_light(*world_, position, medium, emission_in_media(), random, counters);
+  if (const auto rest = known_ ? known_->scattered_before(position, medium) : std::nullopt)
+    return radiance + *rest;
   ++path.depth;
+  path.sees_emission = known_ == nullptr;
   path.last = Path::Last::point;
   path.last_pdf = inv_4pi;
   path.last_position = position;

@@ -10,8 +10,10 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include "core/random.h"
+#include "transport/direct_light.h"
 #include "transport/world.h"
 
 namespace fogbank::transport {
@@ -23,13 +25,24 @@ struct PathSettings {
   bool hide_emitters = false;  ///< from camera rays
 };
 
+/// Light in media that needn't be traced any further.
+class KnownRadiance {
+ public:
+  virtual ~KnownRadiance() = default;
+  /// Mean radiance (fluence / 4 pi) at `y` in `medium` of light that comes from at least one scattering
+  /// event; nullopt where it isn't known, always where the phase function isn't isotropic. Finite, >= 0.
+  virtual std::optional<Spectrum> scattered_before(const Vec3f& y, int32_t medium) const = 0;
+};
+
 /// Immutable; one instance serves all threads, each of which has called scene::prepare_render_thread(). Every
 /// function draws one sample, linear sRGB, >= 0, from the stream it is given and from nothing else; a sample
 /// is finite unless the scene's own numbers overflow.
 class PathTracer {
  public:
-  PathTracer(std::shared_ptr<const World> world, const PathSettings& settings)
-      : world_(std::move(world)), settings_(settings) {}
+  /// Paths end where they are scattered in a medium and `known`, which may be null, tells the rest.
+  PathTracer(std::shared_ptr<const World> world, const PathSettings& settings,
+             std::shared_ptr<const KnownRadiance> known = nullptr)
+      : world_(std::move(world)), settings_(settings), known_(std::move(known)) {}
 
   const World& world() const { return *world_; }
   const PathSettings& settings() const { return settings_; }
@@ -72,9 +85,14 @@ class PathTracer {
   bool may_scatter(const Path& path) const;
   /// Goes on from `surface` in a direction drawn from its BSDF; false where the path ends.
   bool scatter(Path& path, const scene::SurfaceInteraction& surface, RandomStream& random) const;
+  /// Of light that media scatter: a path that may end can't meet what sampling the lights leaves to it.
+  EmissionFoundBy emission_in_media() const {
+    return known_ ? EmissionFoundBy::light_sampling : EmissionFoundBy::light_and_path_sampling;
+  }
 
   std::shared_ptr<const World> world_;
   PathSettings settings_;
+  std::shared_ptr<const KnownRadiance> known_;
 };
 
 }  // namespace fogbank::transport

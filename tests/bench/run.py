@@ -1,7 +1,7 @@
 """Measures what the README promises, prints tables and writes out/bench/*.json.
 
     python -m tests.bench.run [comparison] [embree] [loading] [serving] [form_factors] [derivatives]
-                              [records] [leaving_out] [cache] [generations] [pictures] [watch]
+                              [records] [leaving_out] [cache] [pictures] [watch]
                                                                                             all of them by default
 
 `watch` is the regression watch: it adds to tests/bench/history.json and ends with status 1 when something got worse.
@@ -29,7 +29,6 @@ from tests.bench import (
     embree_share,
     engines,
     form_factors,
-    generations,
     loading,
     pictures,
     records,
@@ -123,15 +122,6 @@ def main() -> None:
         save("cache", runs)
         return cache.table(runs)
 
-    def run_generations() -> str:
-        results = {
-            name: generations.measure(path)
-            for name, path in generations.scenes().items()
-            if not options.scene or name in options.scene
-        }
-        save("generations", results)
-        return generations.table(results)
-
     def run_pictures() -> str:
         results = []
         for case in pictures.cases():
@@ -158,7 +148,6 @@ def main() -> None:
         "derivatives": run_derivatives,
         "leaving_out": run_leaving_out,
         "cache": run_cache,
-        "generations": run_generations,
         "pictures": run_pictures,
         "watch": run_watch,
     }

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "cache/cached_light.h"
 #include "core/frame.h"
 #include "derivatives/estimator.h"
 #include "derivatives/medium_rays.h"
@@ -14,8 +13,8 @@ namespace fogbank::cache {
 
 namespace {
 
-/// Of random numbers: the estimate's, and those of sources_of.
-enum Stream : uint32_t { estimate_stream = 32, sources_stream };
+/// Of random numbers.
+constexpr uint32_t estimate_stream = 32;
 
 /// A surface is looked for this many radii of the scene around a wish's place.
 constexpr float search_radii = 1e-4f;
@@ -38,17 +37,15 @@ IrradianceRecordMaker::IrradianceRecordMaker(std::shared_ptr<const transport::Wo
     : world_(std::move(world)),
       settings_(settings),
       kernel_(std::make_shared<transport::PathTracer>(
-          world_, transport::PathSettings{.max_depth = settings.max_depth})) {
+          world_, transport::PathSettings{.max_depth = settings.max_depth}, settings.photons)) {
   derivatives::validate({.samples = settings.samples, .max_depth = settings.max_depth});
 }
 
-uint64_t IrradianceRecordMaker::id_of(const Wish& wish, const Epoch* sources) const {
-  std::string settings =
-      "irradiance " + std::to_string(settings_.samples) + ' ' + std::to_string(settings_.max_depth);
+uint64_t IrradianceRecordMaker::id_of(const Wish& wish) const {
+  std::string settings = "irradiance " + std::to_string(settings_.samples) + ' ' +
+                         std::to_string(settings_.max_depth) + ' ' + described(settings_.photons.get());
   for (int axis = 0; axis < 3; ++axis)
     settings += ' ' + std::to_string(std::bit_cast<uint32_t>(wish.normal[axis]));
-  if (reads_records(wish, settings_) && sources != nullptr)
-    settings += ' ' + std::to_string(sources->digest(wish.component.scattering_order - 1));
   return content_id(wish.position, wish.component, settings, settings_.seed);
 }
 
@@ -70,7 +67,8 @@ derivatives::SurfaceSide IrradianceRecordMaker::side_of(const Wish& wish, RayCou
   return side;
 }
 
-Record IrradianceRecordMaker::make(const Wish& wish, const Epoch* sources, RayCounters& counters) const {
+Record IrradianceRecordMaker::make(const Wish& wish, RayCounters& counters) const {
+  if (settings_.photons) settings_.photons->complete(counters);
   const uint64_t rays_before = counters.total();
   const derivatives::SurfaceSide side = side_of(wish, counters);
   RandomStream random = derivatives::random_at(wish.position, settings_.seed, 0, estimate_stream);
@@ -79,9 +77,7 @@ Record IrradianceRecordMaker::make(const Wish& wish, const Epoch* sources, RayCo
                                           random, counters);
   };
   const derivatives::IrradianceEstimate estimate =
-      reads_records(wish, settings_)
-          ? estimate_from(CachedLight(*kernel_, sources, wish.component.scattering_order - 1))
-          : estimate_from(derivatives::PathTracedSource(kernel_, CachedLight::depth));
+      estimate_from(derivatives::PathTracedSource(kernel_, record_depth));
   Record record;
   record.position = wish.position;
   record.normal = wish.normal;
@@ -111,23 +107,8 @@ Record IrradianceRecordMaker::make(const Wish& wish, const Epoch* sources, RayCo
         record.depth.insert(direction, hit.distance);
     }
   record.samples = static_cast<uint32_t>(std::max<uint64_t>(counters.total() - rays_before, 1));
-  record.id = id_of(wish, sources);
+  record.id = id_of(wish);
   return record;
-}
-
-std::vector<Wish> IrradianceRecordMaker::sources_of(const Wish& wish, int32_t count,
-                                                    RayCounters& counters) const {
-  if (!reads_records(wish, settings_)) return {};
-  RandomStream random = derivatives::random_at(wish.position, settings_.seed, 0, sources_stream);
-  // One place in the medium and one on a surface a ray.
-  const auto grid =
-      derivatives::HemisphereGrid::of(derivatives::HemisphereGrid::side_for(std::max(count / 2, 1)));
-  const derivatives::HemisphereRays rays(*world_, *grid, side_of(wish, counters), random, counters);
-  std::vector<derivatives::MediumRay> lines = derivatives::medium_rays(rays.lines(), counters);
-  for (uint32_t cell = 0; cell < lines.size(); ++cell)
-    if (!rays.leaves_outside(cell)) lines[cell].stretches.clear();
-  return places_along(*world_, rays.lines().origin(), lines, rays.hits(), wish.component.scattering_order - 1,
-                      random);
 }
 
 }  // namespace fogbank::cache

@@ -75,7 +75,7 @@ RatioRecordMaker::RatioRecordMaker(std::shared_ptr<const transport::World> world
   }
 }
 
-Record RatioRecordMaker::make(const Wish& wish, const Epoch* /*sources*/, RayCounters& counters) const {
+Record RatioRecordMaker::make(const Wish& wish, RayCounters& counters) const {
   const auto found = lights_.find(wish.component.light_group);
   const auto medium = static_cast<size_t>(wish.component.medium);
   if (found == lights_.end() || medium >= found->second.proxies.size() || !found->second.proxies[medium])
@@ -134,11 +134,6 @@ Record RatioRecordMaker::make(const Wish& wish, const Epoch* /*sources*/, RayCou
   record.id = content_id(record.position, record.component, "ratio " + std::to_string(settings_.samples),
                          settings_.seed);
   return record;
-}
-
-std::vector<Wish> RatioRecordMaker::sources_of(const Wish& /*wish*/, int32_t /*count*/,
-                                               RayCounters& /*counters*/) const {
-  return {};
 }
 
 }  // namespace fogbank::cache

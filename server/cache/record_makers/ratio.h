@@ -30,8 +30,7 @@ class RatioRecordMaker final : public RecordMaker {
   static transport::PlanRequest plan_request();
 
   /// Throws Error(invalid_argument, "INVALID_WISH") for a light without a proxy.
-  Record make(const Wish& wish, const Epoch* sources, RayCounters& counters) const override;
-  std::vector<Wish> sources_of(const Wish& wish, int32_t count, RayCounters& counters) const override;
+  Record make(const Wish& wish, RayCounters& counters) const override;
 
  private:
   struct ProxiedLight {

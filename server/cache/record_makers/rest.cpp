@@ -5,9 +5,8 @@
 #include <cmath>
 #include <optional>
 
-#include "cache/cached_light.h"
 #include "derivatives/direction_grid.h"
-#include "derivatives/medium_rays.h"
+#include "derivatives/path_source.h"
 #include "derivatives/random_at.h"
 
 namespace fogbank::cache {
@@ -16,7 +15,6 @@ namespace {
 
 /// Random numbers are apart.
 enum Repeat : uint32_t { surfaces_repeat, medium_repeat };
-constexpr uint32_t sources_stream = 16;
 
 /// Directions towards surfaces, one sample or a few each, for one along which the medium is sampled: seven
 /// times on average, besides what its derivatives cost. Surfaces lit in patches make most of the noise.
@@ -100,19 +98,19 @@ RestRecordMaker::RestRecordMaker(std::shared_ptr<const transport::World> world,
       surfaces_(world_, estimator_settings(settings, derivatives::Order::single)),
       medium_(world_, estimator_settings(settings, derivatives::Order::multiple)),
       kernel_(std::make_shared<transport::PathTracer>(
-          world_, transport::PathSettings{.max_depth = settings.max_depth})) {
+          world_, transport::PathSettings{.max_depth = settings.max_depth}, settings.photons)) {
   derivatives::validate(estimator_settings(settings, derivatives::Order::multiple));
 }
 
-uint64_t RestRecordMaker::id_of(const Wish& wish, const Epoch* sources) const {
-  std::string settings =
-      "aware " + std::to_string(settings_.samples) + ' ' + std::to_string(settings_.max_depth);
-  if (reads_records(wish, settings_) && sources != nullptr)
-    settings += ' ' + std::to_string(sources->digest(wish.component.scattering_order - 1));
-  return content_id(wish.position, wish.component, settings, settings_.seed);
+uint64_t RestRecordMaker::id_of(const Wish& wish) const {
+  return content_id(wish.position, wish.component,
+                    "rest 2 " + std::to_string(settings_.samples) + ' ' +
+                        std::to_string(settings_.max_depth) + ' ' + described(settings_.photons.get()),
+                    settings_.seed);
 }
 
-Record RestRecordMaker::make(const Wish& wish, const Epoch* sources, RayCounters& counters) const {
+Record RestRecordMaker::make(const Wish& wish, RayCounters& counters) const {
+  if (settings_.photons) settings_.photons->complete(counters);
   const uint64_t rays_before = counters.total();
   derivatives::SphereSamples on_surfaces(*world_, surfaces_.plan());
   derivatives::SphereSamples in_medium(*world_, medium_.plan());
@@ -125,10 +123,7 @@ Record RestRecordMaker::make(const Wish& wish, const Epoch* sources, RayCounters
     sum += surfaces_.estimate_from(light, wish.position, medium, surfaces_repeat, on_surfaces, counters);
     return sum;
   };
-  const derivatives::RadianceJet jet =
-      reads_records(wish, settings_)
-          ? estimate_from(CachedLight(*kernel_, sources, wish.component.scattering_order - 1))
-          : estimate_from(derivatives::PathTracedSource(kernel_, CachedLight::depth));
+  const derivatives::RadianceJet jet = estimate_from(derivatives::PathTracedSource(kernel_, record_depth));
   Record record;
   record.position = wish.position;
   record.component = wish.component;
@@ -143,19 +138,8 @@ Record RestRecordMaker::make(const Wish& wish, const Epoch* sources, RayCounters
   record.variance =
       static_cast<float>(variance_of_mean(on_surfaces.arriving) + variance_of_mean(in_medium.arriving));
   record.depth = depth_bins(on_surfaces.arriving.empty() ? in_medium : on_surfaces);
-  record.id = id_of(wish, sources);
+  record.id = id_of(wish);
   return record;
-}
-
-std::vector<Wish> RestRecordMaker::sources_of(const Wish& wish, int32_t count, RayCounters& counters) const {
-  if (!reads_records(wish, settings_)) return {};
-  RandomStream random = derivatives::random_at(wish.position, settings_.seed, 0, sources_stream);
-  // One place in the medium and one on a surface a ray.
-  const int32_t side = derivatives::DirectionTopology::side_for(std::max(count / 2, 1));
-  derivatives::SphereRays rays(*world_, surfaces_.plan());
-  rays.trace(wish.position, wish.component.medium, side, random, counters);
-  return places_along(*world_, wish.position, derivatives::medium_rays(rays.lines(), counters), rays.hits(),
-                      wish.component.scattering_order - 1, random);
 }
 
 }  // namespace fogbank::cache

@@ -12,11 +12,10 @@ class RestRecordMaker final : public RecordMaker {
  public:
   RestRecordMaker(std::shared_ptr<const transport::World> world, const RecordMakerSettings& settings);
 
-  Record make(const Wish& wish, const Epoch* sources, RayCounters& counters) const override;
-  std::vector<Wish> sources_of(const Wish& wish, int32_t count, RayCounters& counters) const override;
+  Record make(const Wish& wish, RayCounters& counters) const override;
 
  private:
-  uint64_t id_of(const Wish& wish, const Epoch* sources) const;
+  uint64_t id_of(const Wish& wish) const;
 
   std::shared_ptr<const transport::World> world_;
   RecordMakerSettings settings_;

@@ -42,7 +42,7 @@ UnawareRecordMaker::UnawareRecordMaker(Quantity quantity, std::shared_ptr<const 
   derivatives::validate(settings_);
 }
 
-Record UnawareRecordMaker::make(const Wish& wish, const Epoch* /*sources*/, RayCounters& counters) const {
+Record UnawareRecordMaker::make(const Wish& wish, RayCounters& counters) const {
   const uint64_t rays_before = counters.total();
   std::array<double, repeats> luminances{};
   derivatives::RadianceJet mean;
@@ -90,11 +90,6 @@ DepthBins UnawareRecordMaker::look_around(const Vec3f& position, RayCounters& co
       bins.insert(direction, hit.distance);
   }
   return bins;
-}
-
-std::vector<Wish> UnawareRecordMaker::sources_of(const Wish& /*wish*/, int32_t /*count*/,
-                                                 RayCounters& /*counters*/) const {
-  return {};
 }
 
 }  // namespace fogbank::cache

@@ -14,9 +14,7 @@ class UnawareRecordMaker final : public RecordMaker {
   UnawareRecordMaker(Quantity quantity, std::shared_ptr<const transport::World> world,
                      const RecordMakerSettings& settings);
 
-  /// Of the wish's generation 0; `sources` are not read.
-  Record make(const Wish& wish, const Epoch* sources, RayCounters& counters) const override;
-  std::vector<Wish> sources_of(const Wish& wish, int32_t count, RayCounters& counters) const override;
+  Record make(const Wish& wish, RayCounters& counters) const override;
 
  private:
   DepthBins look_around(const Vec3f& position, RayCounters& counters) const;

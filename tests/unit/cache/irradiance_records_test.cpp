@@ -39,7 +39,7 @@ Record make(const std::shared_ptr<const transport::World>& world, const Wish& wi
             uint64_t seed) {
   RayCounters counters;
   return make_record_maker(Quantity::irradiance, world, {.samples = samples, .seed = seed})
-      ->make(wish, nullptr, counters);
+      ->make(wish, counters);
 }
 
 struct Estimate {
@@ -160,44 +160,6 @@ TEST(IrradianceRecords, DepthGuardKnowsTheWallsAround) {
   EXPECT_TRUE(record.depth.reaches({0.4f, 0, 0}));
   EXPECT_FALSE(record.depth.reaches({0.7f, 0, 0}));
   EXPECT_FALSE(record.depth.reaches({0, -0.6f, 0}));
-}
-
-TEST(IrradianceRecords, GenerationsReadTheOneBefore) {
-  const auto world = parse_world(fog + box);
-  Wish wish = wish_at({0.4f, -0.5f, 0}, {0, 0, 1}, 0);
-  RayCounters counters;
-  const auto maker = make_record_maker(Quantity::irradiance, world, {.samples = 256});
-  EXPECT_TRUE(maker->sources_of(wish, 64, counters).empty());
-  wish.component.scattering_order = 1;
-  const std::vector<Wish> sources = maker->sources_of(wish, 128, counters);
-  std::vector<Record> before;
-  for (const Wish& source : sources) {
-    EXPECT_EQ(source.component.scattering_order, 0);
-    before.push_back(make_record_maker(source.component.quantity, world, {.samples = 64})
-                         ->make(source, nullptr, counters));
-  }
-  const auto count = [&](Quantity quantity) {
-    return std::count_if(sources.begin(), sources.end(),
-                         [&](const Wish& source) { return source.component.quantity == quantity; });
-  };
-  EXPECT_GE(count(Quantity::irradiance), 64);
-  EXPECT_GE(count(Quantity::rest), 64);
-  MetricSettings metric;
-  metric.threshold = 1e-2;
-  metric.radiance_floor = 0.01;
-  metric.maximum_radius = 0.5;
-  const Epoch epoch(std::make_shared<const RecordSet>(before), metric);
-  const Record record = maker->make(wish, &epoch, counters);
-  EXPECT_NO_THROW(validate(record));
-  EXPECT_NE(record.id, maker->make(wish, nullptr, counters).id);
-  const Estimate truth = path_traced(world, wish, 20000);
-  const auto value = static_cast<double>(luminance(record.radiance));
-  // Of the record's own noise four standard deviations; 5 % for the sources, of some 15 % noise each, of
-  // which it reads over a hundred, common to all that it reads there, and extrapolates.
-  EXPECT_NEAR(value, truth.mean,
-              0.05 * truth.mean + 4 * std::sqrt(truth.variance + static_cast<double>(record.variance)));
-  // It doesn't trace the paths of generation 0.
-  EXPECT_LT(record.samples, make(world, wish_at(wish.position, wish.normal, 0), 256, 0).samples / 2);
 }
 
 }  // namespace

@@ -27,7 +27,7 @@ class RatioTest : public ::testing::Test {
  protected:
   Record record_at(const Vec3f& x) const {
     RayCounters counters;
-    const Record record = maker.make({x, Vec3f(0), {0, light(), 0, Quantity::ratio}}, nullptr, counters);
+    const Record record = maker.make({x, Vec3f(0), {0, light(), 0, Quantity::ratio}}, counters);
     validate(record);
     return record;
   }
@@ -118,7 +118,7 @@ TEST_F(RatioTest, SameWishSameBits) {
 TEST_F(RatioTest, LightsWithoutAClosedFormAreRefused) {
   RayCounters counters;
   const auto delta = static_cast<uint16_t>(1 - light());
-  EXPECT_THROW(maker.make({Vec3f(0), Vec3f(0), {0, delta, 0, Quantity::ratio}}, nullptr, counters), Error);
+  EXPECT_THROW(maker.make({Vec3f(0), Vec3f(0), {0, delta, 0, Quantity::ratio}}, counters), Error);
 }
 
 }  // namespace

@@ -24,7 +24,7 @@ std::shared_ptr<const transport::World> point_light_world() {
 
 Record made(Quantity quantity, const Vec3f& x, const transport::World& world, const RecordMaker& maker) {
   RayCounters counters;
-  return maker.make({x, Vec3f(0), {world.medium_at(x), 0, 0, quantity}}, nullptr, counters);
+  return maker.make({x, Vec3f(0), {world.medium_at(x), 0, 0, quantity}}, counters);
 }
 
 TEST(UnawareRecords, APointLightsDirectRecordIsTheClosedForm) {

@@ -20,6 +20,12 @@ transport::MediumInfo medium(const Spectrum& sigma_t, const Spectrum& albedo) {
   return info;
 }
 
+class BlindTest final : public cache::VisibilityTest {
+ public:
+  bool reaches(const Vec3f&, const Vec3f&, const Vec3f&) const override { return false; }
+};
+const BlindTest blind;
+
 TEST(CameraMarch, StepWeightsAgainstQuadrature) {
   for (const double x : {0.0, 1e-7, 1e-3, 0.1, 0.4999, 0.5, 0.5001, 1.0, 5.0, 30.0, 1e4}) {
     // Midpoint rule in u = 1 - exp(-x s) where that is the better variable.
@@ -48,7 +54,7 @@ TEST(CameraMarch, WeightsAddUpToTheAlbedoTimesWhatIsScattered) {
       for (const float first : {0.0f, 0.3f}) {
         if (!(first < length)) continue;
         const transport::MediumSegment segment{Vec3f(0), {0, 0, 1}, length, &info};
-        const CameraMarch march(segment, first, length, nullptr, 0.05f);
+        const CameraMarch march(segment, first, length, nullptr, blind, 0.05f);
         Spectrum sum(0);
         for (const MarchNode& node : march.nodes()) sum += node.weight;
         // Segments end at optical distance 9; the last node's weight is for the hidden channels' rest too.
@@ -69,7 +75,7 @@ TEST(CameraMarch, WeightsAddUpToTheAlbedoTimesWhatIsScattered) {
 TEST(CameraMarch, EndsWithinItsBoundHoweverSmallTheSteps) {
   const transport::MediumInfo info = medium(Spectrum(0.01f), Spectrum(1));
   const transport::MediumSegment segment{Vec3f(1, 2, 3), {1, 0, 0}, 100, &info};
-  const CameraMarch march(segment, 0, 100, nullptr, 1e-5f);
+  const CameraMarch march(segment, 0, 100, nullptr, blind, 1e-5f);
   EXPECT_LE(march.nodes().size(), CameraMarch::most_nodes);
   EXPECT_EQ(march.nodes().front().t, 0);
   EXPECT_EQ(march.nodes().back().t, 100);
@@ -84,7 +90,7 @@ TEST(CameraMarch, LinearFieldOfRecordsIsIntegratedExactly) {
   const cache::Index* index = epoch.find(set->components()[0].component);
   const transport::MediumInfo info = medium({0.5f, 2, 6}, Spectrum(0.8f));
   const transport::MediumSegment segment{Vec3f(0.2f), glm::normalize(Vec3f(1, 2, 1)), 0.7f, &info};
-  const CameraMarch march(segment, 0, 0.7f, index, 0.1f);
+  const CameraMarch march(segment, 0, 0.7f, index, blind, 0.1f);
   Spectrum sum(0);
   for (const MarchNode& node : march.nodes()) {
     ASSERT_GT(node.found.weight, 0);
@@ -103,7 +109,7 @@ TEST(CameraMarch, LinearFieldOfRecordsIsIntegratedExactly) {
 TEST(CameraMarch, SamplesAroundNodesAreUnbiased) {
   const transport::MediumInfo info = medium({0.3f, 1, 3}, Spectrum(0.7f));
   const transport::MediumSegment segment{Vec3f(0), {0, 0, 1}, infinity, &info};
-  const CameraMarch march(segment, 0.1f, infinity, nullptr, 2.0f);
+  const CameraMarch march(segment, 0.1f, infinity, nullptr, blind, 2.0f);
   RandomStream random(1, 0, 0, 0);
   constexpr int samples = 20000;
   for (size_t number = 0; number < march.nodes().size(); ++number) {

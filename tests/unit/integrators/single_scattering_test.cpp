@@ -47,7 +47,7 @@ class SingleScatteringTest : public ::testing::Test {
       made.push_back(maker.make({segment.origin + segment.direction * (0.05f + 0.1f * static_cast<float>(i)),
                                  Vec3f(0),
                                  {medium, light, 0, cache::Quantity::ratio}},
-                                nullptr, counters));
+                                counters));
     records = std::make_shared<const cache::RecordSet>(std::move(made));
     cache::MetricSettings metric;
     metric.threshold = 1e-3;
