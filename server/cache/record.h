@@ -44,8 +44,7 @@ constexpr bool is_unaware(Quantity quantity) {
 struct Component {
   int32_t medium = 0;        ///< index of the medium that holds the place, as transport::medium_at names it
   uint16_t light_group = 0;  ///< lights whose emission scales together; of `ratio`: the emitter's index
-  /// Generation of the sources that the value was gathered from: 0: path traced, k: read from the records of
-  /// generation k - 1.
+  /// Generation: 0: of whole paths, 1: of paths that end among photons (photon_field.h).
   uint8_t scattering_order = 0;
   Quantity quantity = Quantity::rest;
 
