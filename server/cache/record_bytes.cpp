@@ -21,7 +21,7 @@ Vec3f take_vector(ByteReader& bytes) {
 }  // namespace
 
 void refuse_poisoned(const std::string& why) {
-  throw Error(ErrorKind::invalid_argument, "POISONED_RESULT", "the result can't be used: " + why);
+  throw Error(ErrorKind::invalid_argument, "POISONED_RESULT", "unusable bytes: " + why);
 }
 
 uint32_t take_count(ByteReader& bytes, size_t smallest) {

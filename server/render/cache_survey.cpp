@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <utility>
 
+#include "cache/record_bytes.h"
 #include "core/error.h"
 #include "render/film.h"
 
@@ -45,8 +47,10 @@ CacheSurvey::CacheSurvey(const scene::Window& crop, int32_t stride, std::vector<
   values_.assign(channels_.size(), std::vector<float>(size_t{columns_} * rows_));
 }
 
-void CacheSurvey::look(uint32_t row, const integrators::Integrator& integrator,
-                       const integrators::CameraRays& camera, uint64_t seed, RayCounters& counters) {
+std::vector<float> CacheSurvey::look(uint32_t row, const integrators::Integrator& integrator,
+                                     const integrators::CameraRays& camera, uint64_t seed,
+                                     RayCounters& counters) const {
+  std::vector<float> values(channels_.size() * columns_);
   for (uint32_t column = 0; column < columns_; ++column) {
     counters.poll();
     const auto film_x = static_cast<uint32_t>(x(column));
@@ -60,9 +64,30 @@ void CacheSurvey::look(uint32_t row, const integrators::Integrator& integrator,
         throw Error(ErrorKind::internal, "RESULT_NOT_FINITE",
                     "the cache's " + name_of(channels_[i]) + " in a pixel is " + std::to_string(value));
       }
-      values_[i][size_t{row} * columns_ + column] = to_pixel(static_cast<double>(value));
+      values[i * columns_ + column] = to_pixel(static_cast<double>(value));
     }
   }
+  return values;
+}
+
+void CacheSurvey::set_row(uint32_t row, const std::vector<float>& values) {
+  for (size_t i = 0; i < channels_.size(); ++i) {
+    std::copy_n(values.begin() + static_cast<std::ptrdiff_t>(i * columns_), columns_,
+                values_[i].begin() + static_cast<std::ptrdiff_t>(size_t{row} * columns_));
+  }
+}
+
+std::string CacheSurvey::bytes_of(const std::vector<float>& values) {
+  return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(float)};
+}
+
+std::vector<float> CacheSurvey::row_values(std::string_view bytes) const {
+  std::vector<float> values(channels_.size() * columns_);
+  if (bytes.size() != values.size() * sizeof(float)) cache::refuse_poisoned("a row has not its size");
+  if (!values.empty()) std::memcpy(values.data(), bytes.data(), bytes.size());
+  if (!std::ranges::all_of(values, [](float value) { return std::isfinite(value) && value >= 0; }))
+    cache::refuse_poisoned("a value is not finite or is negative");
+  return values;
 }
 
 }  // namespace fogbank::render

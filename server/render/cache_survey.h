@@ -1,8 +1,10 @@
 // What the cache says about pixels: one ray through each of a lattice of them, which lies fixed on the film,
-// row by row. Any number of rows at a time, by as many threads.
+// row by row.
 #pragma once
 
 #include <cstdint>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/ray_counters.h"
@@ -22,13 +24,19 @@ class CacheSurvey {
   uint32_t columns() const { return columns_; }
   int32_t x(uint32_t column) const { return crop_.x + first_x_ + static_cast<int32_t>(column) * stride_; }
   int32_t y(uint32_t row) const { return crop_.y + first_y_ + static_cast<int32_t>(row) * stride_; }
+  int32_t stride() const { return stride_; }
   const std::vector<Aov>& channels() const { return channels_; }
   /// Of the given channel, row by row; finite and >= 0.
   const std::vector<float>& values(size_t channel) const { return values_[channel]; }
 
-  /// Throws Interrupted as `counters` says; a row may be looked at again.
-  void look(uint32_t row, const integrators::Integrator& integrator, const integrators::CameraRays& camera,
-            uint64_t seed, RayCounters& counters);
+  /// The values of a row, channel by channel. Throws Interrupted as `counters` says.
+  std::vector<float> look(uint32_t row, const integrators::Integrator& integrator,
+                          const integrators::CameraRays& camera, uint64_t seed, RayCounters& counters) const;
+  /// Any number of rows at a time, by as many threads.
+  void set_row(uint32_t row, const std::vector<float>& values);
+  /// A row's values as bytes, and back again. Throws Error(invalid_argument, "POISONED_RESULT").
+  static std::string bytes_of(const std::vector<float>& values);
+  std::vector<float> row_values(std::string_view bytes) const;
 
  private:
   scene::Window crop_;

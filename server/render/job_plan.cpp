@@ -83,8 +83,11 @@ std::optional<RenderJob::Implementation::Phase> RenderJob::Implementation::plan(
         return begin_survey(Activity::aovs, 1, settings.aovs);
       case Step::Kind::pass:
         pass_samples = step.samples;
-        preparation = integrator->prepare_pass(
-            camera, {.seed = settings.seed, .first = standing().samples, .count = step.samples});
+        // Replicas prepare a pass each for itself: what they need is too much to be sent around.
+        if (!log) {
+          preparation = integrator->prepare_pass(
+              camera, {.seed = settings.seed, .first = standing().samples, .count = step.samples});
+        }
         return go_on_preparing_pass();
       case Step::Kind::prepare:
         preparation = integrator->prepare(camera, step.target);
@@ -108,11 +111,19 @@ RenderJob::Implementation::Phase RenderJob::Implementation::begin_preparation(co
                                           std::chrono::duration<double>(*step.latest_end_seconds));
     }
   }
+  if (log) log->add(BeginStep{.target = step.target});
   return go_on_preparing();
 }
 
 RenderJob::Implementation::Phase RenderJob::Implementation::go_on_preparing() {
+  RoundStep of_log;
+  if (log) of_log.outcome = preparation->outcome();
   const uint32_t tasks = preparation->next_round();
+  if (log) {
+    of_log.next_tasks = tasks;
+    of_log.records = records->records()->size();
+    log->add(of_log);
+  }
   const double fraction = tasks == 0 ? 1 : preparation->fraction();
   const integrators::CacheCounts counts = integrator->cache_counts();
   {
@@ -159,6 +170,7 @@ RenderJob::Implementation::Phase RenderJob::Implementation::begin_survey(Activit
 }
 
 void RenderJob::Implementation::end_stage(bool dropped) {
+  if (log && preparation) log->add(DropStep{.outcome = preparation->outcome()});
   preparation = nullptr;
   const integrators::CacheCounts counts = integrator->cache_counts();
   const std::lock_guard lock(mutex);

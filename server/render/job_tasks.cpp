@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "core/error.h"
-#include "core/random.h"
 #include "render/render_job_state.h"
+#include "render/tile_samples.h"
 
 namespace fogbank::render {
 
@@ -48,6 +48,7 @@ void RenderJob::Implementation::drop_work() {
   films.drop_unfinished_pass();
   rounds.begin_round(0);
   phase = Phase::planning;
+  ++stage;
 }
 
 void RenderJob::Implementation::end_task(const TaskCounters& counters) {
@@ -79,6 +80,7 @@ bool RenderJob::Implementation::run_task(const PlanTask&, const std::atomic<bool
       return false;
     }
     phase = *next;
+    ++stage;
     // The time may have run out while this was planned.
     if (time_over && activity != Activity::aovs) drop_work();
   } catch (...) {
@@ -130,7 +132,7 @@ bool RenderJob::Implementation::run_task(const PreparationTask& task, const std:
 
 bool RenderJob::Implementation::run_task(const SurveyTask& task, const std::atomic<bool>& stop) {
   run_of_round(task, Phase::surveying, stop, [&](RayCounters& counters) {
-    survey.look(task.index, *integrator, camera, settings.seed, counters);
+    survey.set_row(task.index, survey.look(task.index, *integrator, camera, settings.seed, counters));
   });
   return false;
 }
@@ -151,19 +153,12 @@ bool RenderJob::Implementation::run_task(const TileTask& task, const std::atomic
     deadline = pass_deadline();
     ++running;
   }
-  TileFilm film;
-  if (before) film = *before;
-  const size_t pixels = static_cast<size_t>(task.window.width) * static_cast<size_t>(task.window.height);
-  film.sampled.resize(pixels);
-  if (layered) {
-    if (film.first_cached_sample != task.first_cached_sample) film.cached.clear();
-    film.cached.resize(pixels);
-    film.first_cached_sample = task.first_cached_sample;
-  }
-
+  TileFilm film = film_for(task, layered, before.get());
   bool complete = false;
   try {
-    complete = render(task, stop, deadline, film, counters);
+    if (deadline) counters.rays.deadline = *deadline;
+    counters.invalid_samples = add_samples(task, *integrator, camera, settings.seed, counters.rays, film);
+    complete = true;
   } catch (const Interrupted&) {
     complete = false;
   } catch (...) {
@@ -186,43 +181,6 @@ bool RenderJob::Implementation::run_task(const TileTask& task, const std::atomic
   }
   if (!films.add(task, std::move(made), outdated)) return false;
   phase = Phase::planning;
-  return true;
-}
-
-bool RenderJob::Implementation::render(const TileTask& task, const std::atomic<bool>& stop,
-                                       std::optional<Clock::time_point> deadline, TileFilm& film,
-                                       TaskCounters& counters) const {
-  // Each poll reads the clock, which takes about as long as 1 % of a sample.
-  constexpr uint32_t samples_between_polls = 16;
-  uint32_t until_poll = 0;
-  const uint32_t end_sample = task.first_sample + task.sample_count;
-  size_t pixel = 0;
-  for (int32_t y = task.window.y; y < task.window.y + task.window.height; ++y) {
-    for (int32_t x = task.window.x; x < task.window.x + task.window.width; ++x, ++pixel) {
-      for (uint32_t index = task.first_sample; index < end_sample; ++index) {
-        if (until_poll-- == 0) {
-          if (stop || interrupted || (deadline && Clock::now() >= *deadline)) return false;
-          until_poll = samples_between_polls - 1;
-        }
-        RandomStream random(settings.seed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), index);
-        const Ray ray = camera.sample(static_cast<uint32_t>(x), static_cast<uint32_t>(y), random);
-        const integrators::PixelSample sample = integrator->sample(ray, random, counters.rays);
-        const Spectrum sum = sample.sampled + sample.cached;
-        // A single NaN would stay in the pixel for ever. Black is wrong as well, hence the count, which isn't
-        // hidden.
-        if (!is_finite(sum) || min_component(sample.sampled) < 0 || min_component(sample.cached) < 0) {
-          ++counters.invalid_samples;
-        } else if (layered) {
-          film.sampled[pixel].add(index, sample.sampled);
-          film.cached[pixel].add(index, sample.cached);
-        } else {
-          film.sampled[pixel].add(index, sum);
-        }
-      }
-    }
-  }
-  film.passes = task.pass + 1;
-  film.samples = end_sample;
   return true;
 }
 

@@ -27,7 +27,17 @@ std::optional<TileTask> PassFilms::take() {
   } else {
     return std::nullopt;
   }
-  return TileTask{tile, passes_done_, grid_.window(tile), samples_done_, pass_samples_, first_cached_sample_};
+  return task(tile);
+}
+
+TileTask PassFilms::task(uint32_t tile) const {
+  return {tile, passes_done_, grid_.window(tile), samples_done_, pass_samples_, first_cached_sample_};
+}
+
+void PassFilms::recall() {
+  returned_.clear();
+  for (size_t i = next_in_order_; i-- > 0;)
+    if (!is_done(task(order_[i]))) returned_.push_back(order_[i]);
 }
 
 bool PassFilms::knows(const TileTask& task) const {

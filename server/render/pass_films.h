@@ -34,6 +34,10 @@ class PassFilms {
   /// A task of the current pass that nobody has, if any.
   std::optional<TileTask> take();
   void give_back(uint32_t tile) { returned_.push_back(tile); }
+  /// Whoever took tasks has gone: those that aren't done can be taken again.
+  void recall();
+  /// The present pass's task of a tile.
+  TileTask task(uint32_t tile) const;
   /// Was such a task ever handed out?
   bool knows(const TileTask& task) const;
   bool is_done(const TileTask& task) const;

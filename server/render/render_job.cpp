@@ -5,23 +5,13 @@
 
 #include "core/error.h"
 #include "render/film.h"
+#include "render/job_integrator.h"
 #include "render/render_job_state.h"
 #include "transport/world.h"
 
 namespace fogbank::render {
 
 namespace {
-
-std::unique_ptr<integrators::Integrator> make_checked_integrator(
-    std::shared_ptr<const transport::World> world, const RenderSettings& settings) {
-  validate(settings);
-  const auto media = static_cast<int64_t>(world->scene().media.size());
-  if (settings.sensor.medium < scene::none || settings.sensor.medium >= media) {
-    throw Error(ErrorKind::invalid_argument, "INVALID_RENDER_SETTINGS",
-                "sensor.medium: the scene has no medium " + std::to_string(settings.sensor.medium));
-  }
-  return integrators::make_integrator(settings.integrator, std::move(world), integrator_settings(settings));
-}
 
 RenderSettings validated(RenderSettings settings) {
   validate(settings);
@@ -45,16 +35,20 @@ std::vector<float> mean_pixels(const TileFilm& film) {
 }  // namespace
 
 RenderJob::Implementation::Implementation(std::unique_ptr<integrators::Integrator> integrator_to_use,
-                                          RenderSettings settings_to_use)
+                                          RenderSettings settings_to_use,
+                                          std::shared_ptr<cache::SceneCache> records_to_use)
     : settings(validated(std::move(settings_to_use))),
       camera(settings.sensor, settings.film),
       crop_pixels(static_cast<uint64_t>(settings.film.crop.width) *
                   static_cast<uint64_t>(settings.film.crop.height)),
+      records(std::move(records_to_use)),
+      log(records ? std::make_unique<JobLog>() : nullptr),
       integrator(std::move(integrator_to_use)),
       progression(settings, integrator->most_samples_of_pass()),
       films(settings) {
   told.pass_count = progression.pass_count();
   if (settings.reference) comparison.emplace(settings.reference);
+  if (log) log->add(StartStep{.records = *records->records()});
 }
 
 double RenderJob::Implementation::elapsed_seconds() const {
@@ -66,6 +60,7 @@ void RenderJob::Implementation::stop_all() {
   end = Clock::now();
   interrupted = true;
   unwanted = true;
+  ++stage;
   films.drop_unfinished_pass();
   rounds.begin_round(0);
 }
@@ -89,11 +84,23 @@ std::optional<Task> RenderJob::Implementation::take() {
   return std::nullopt;
 }
 
-RenderJob::RenderJob(std::shared_ptr<const transport::World> world, const RenderSettings& settings)
-    : RenderJob(make_checked_integrator(std::move(world), settings), settings) {}
+RenderJob::RenderJob(std::shared_ptr<const transport::World> world, const RenderSettings& settings,
+                     Performers performers) {
+  RenderSettings own = settings;
+  std::shared_ptr<cache::SceneCache> records;
+  if (performers == Performers::replicas) {
+    std::shared_ptr<cache::SceneCache>& cache = own.integrator_settings.cache;
+    records = cache ? std::make_shared<cache::SceneCache>(cache) : std::make_shared<cache::SceneCache>();
+    cache = records;
+  }
+  auto integrator = make_job_integrator(std::move(world), own);
+  implementation_ =
+      std::make_unique<Implementation>(std::move(integrator), std::move(own), std::move(records));
+}
 
 RenderJob::RenderJob(std::unique_ptr<integrators::Integrator> integrator, RenderSettings settings)
-    : implementation_(std::make_unique<Implementation>(std::move(integrator), std::move(settings))) {}
+    : implementation_(std::make_unique<Implementation>(std::move(integrator), std::move(settings), nullptr)) {
+}
 
 RenderJob::~RenderJob() = default;
 
@@ -103,6 +110,7 @@ std::optional<Task> RenderJob::next_task() {
   Implementation& job = *implementation_;
   const std::lock_guard lock(job.mutex);
   job.watch_time();
+  if (job.log && job.phase != Implementation::Phase::planning) return std::nullopt;
   return job.take();
 }
 

@@ -15,6 +15,8 @@
 #include "integrators/integrator.h"
 #include "render/checkpoint.h"
 #include "render/image.h"
+#include "render/job_log.h"
+#include "render/leased_task.h"
 #include "render/progress.h"
 #include "render/render_settings.h"
 #include "render/task.h"
@@ -25,10 +27,25 @@ class World;
 
 namespace fogbank::render {
 
+/// Who performs a job's tasks.
+enum class Performers : uint8_t {
+  caller,    ///< by `next_task` and `run`
+  replicas,  ///< of the job (replica.h), by `lease` and `complete`; the caller runs plan tasks only
+};
+
+/// What became of a result.
+enum class Completion : uint8_t {
+  accepted,
+  pass_completed,  ///< accepted, as the last one of a pass
+  ignored,         ///< the task is done, or no longer wanted
+};
+
 class RenderJob {
  public:
-  /// Throws like `validate` and `make_integrator`.
-  RenderJob(std::shared_ptr<const transport::World> world, const RenderSettings& settings);
+  /// Throws like `validate` and `make_integrator`. Image and records are the same whoever performs the tasks;
+  /// but a job whose tasks replicas perform sees the cache as it is now, whatever other jobs add meanwhile.
+  RenderJob(std::shared_ptr<const transport::World> world, const RenderSettings& settings,
+            Performers performers = Performers::caller);
   /// With an integrator that is made already; `settings.integrator` is only a name then.
   RenderJob(std::unique_ptr<integrators::Integrator> integrator, RenderSettings settings);
   ~RenderJob();
@@ -47,6 +64,28 @@ class RenderJob {
   bool run(const Task& task, const std::atomic<bool>& stop);
   /// No task is handed out afterwards, and those that run leave the film unchanged.
   void cancel();
+
+  // Of a job whose tasks replicas perform (job_leasing.cpp). Thread-safe.
+
+  /// What can be leased now. Tasks of an earlier stage are no longer wanted.
+  struct Stage {
+    uint32_t number = 0;      ///< grows
+    uint32_t tasks = 0;       ///< of the stage, done ones included
+    uint64_t log_length = 0;  ///< entries that a replica needs to perform them
+  };
+  Stage stage() const;
+  /// A task that nobody has, if any.
+  std::optional<LeasedTask> lease();
+  /// Whoever leased tasks has gone: those that aren't complete can be leased again.
+  void recall_leases();
+  /// Takes a result, in any order, any number of times; the first one counts. Throws Error(invalid_argument,
+  /// "POISONED_RESULT") where it can't be one; the task stays leased then. There may be a plan task to run
+  /// whenever this returns.
+  Completion complete(uint32_t stage, uint32_t index, const TaskResult& result);
+  const JobLog& log() const;
+  /// Whether there is a plan task to be taken.
+  bool plan_due() const;
+
   /// Finished or cancelled?
   bool ended() const;
 

@@ -6,10 +6,12 @@
 #include <chrono>
 #include <mutex>
 
+#include "cache/scene_cache.h"
 #include "core/ray_counters.h"
 #include "render/cache_survey.h"
 #include "render/error_estimate.h"
 #include "render/film_camera.h"
+#include "render/job_log.h"
 #include "render/pass_films.h"
 #include "render/progression.h"
 #include "render/render_job.h"
@@ -30,7 +32,9 @@ struct RenderJob::Implementation {
     double cpu_begin = 0;
   };
 
-  Implementation(std::unique_ptr<integrators::Integrator> integrator_to_use, RenderSettings settings_to_use);
+  /// `records_to_use`: the integrator's, of a leased job; else null.
+  Implementation(std::unique_ptr<integrators::Integrator> integrator_to_use, RenderSettings settings_to_use,
+                 std::shared_ptr<cache::SceneCache> records_to_use);
 
   // These are called with `mutex` held.
 
@@ -53,8 +57,15 @@ struct RenderJob::Implementation {
   bool run_task(const TileTask& task, const std::atomic<bool>& stop);
   template <typename Work>
   void run_of_round(const RoundTask& task, Phase its_phase, const std::atomic<bool>& stop, const Work& work);
-  bool render(const TileTask& task, const std::atomic<bool>& stop, std::optional<Clock::time_point> deadline,
-              TileFilm& film, TaskCounters& counters) const;
+
+  // These of a leased job (job_leasing.cpp).
+
+  LeasedTask describe(const Task& task, uint32_t its_stage) const;
+  template <typename Work>
+  Completion complete_round_task(uint32_t its_stage, uint32_t index, const TaskResult& result,
+                                 const Work& work);
+  Completion complete_tile(uint32_t its_stage, uint32_t index, const TaskResult& result);
+  void account(const TaskResult& result);  ///< with `mutex` held
 
   // These by the plan task (job_plan.cpp).
 
@@ -71,6 +82,10 @@ struct RenderJob::Implementation {
   const RenderSettings settings;
   const FilmCamera camera;
   const uint64_t crop_pixels;
+
+  // Of a leased job.
+  const std::shared_ptr<cache::SceneCache> records;  ///< the integrator's; what others add doesn't show
+  const std::unique_ptr<JobLog> log;                 ///< null: the job isn't leased
 
   // Changed by the plan task only, which runs alone.
   const std::unique_ptr<integrators::Integrator> integrator;
@@ -89,6 +104,7 @@ struct RenderJob::Implementation {
   Activity activity = Activity::none;
   bool plan_taken = false;
   uint32_t running = 0;  ///< tasks
+  uint32_t stage = 0;    ///< of a leased job: which tasks are wanted
   PassFilms films;
   TaskRounds rounds;
   bool time_over = false;

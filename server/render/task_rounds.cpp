@@ -27,13 +27,19 @@ bool TaskRounds::begin(const RoundTask& task) {
   return true;
 }
 
-bool TaskRounds::end(const RoundTask& task, bool done) {
+bool TaskRounds::end(const RoundTask& task, bool done, bool keeps) {
   tasks_[task.index] = done ? State::done : State::waiting;
   if (!done) {
-    returned_.push_back(task.index);
+    if (!keeps) returned_.push_back(task.index);
     return false;
   }
   return ++done_ == tasks_.size();
+}
+
+void TaskRounds::recall() {
+  returned_.clear();
+  for (uint32_t task = next_; task-- > 0;)
+    if (tasks_[task] == State::waiting) returned_.push_back(task);
 }
 
 }  // namespace fogbank::render

@@ -17,8 +17,13 @@ class TaskRounds {
   std::optional<RoundTask> take();
   /// False when it isn't of this round, runs already or is done.
   bool begin(const RoundTask& task);
-  /// Ends what `begin` began. True when that completed the round.
-  bool end(const RoundTask& task, bool done);
+  /// Ends what `begin` began. True when that completed the round. What isn't done can be taken again, unless
+  /// `keeps`: whoever took it tries again.
+  bool end(const RoundTask& task, bool done, bool keeps = false);
+  /// Whoever took tasks has gone: those that neither run nor are done can be taken again.
+  void recall();
+  uint32_t round() const { return round_; }
+  uint32_t count() const { return static_cast<uint32_t>(tasks_.size()); }
 
  private:
   enum class State : uint8_t { waiting, running, done };

@@ -1,0 +1,20 @@
+// The integrator that a job and its replicas render with.
+#pragma once
+
+#include <memory>
+
+#include "integrators/integrator.h"
+#include "render/render_settings.h"
+
+namespace fogbank::transport {
+class World;
+}
+
+namespace fogbank::render {
+
+/// Throws like `validate` and `make_integrator`, and Error(invalid_argument, "INVALID_RENDER_SETTINGS") where
+/// the scene hasn't what the settings name.
+std::unique_ptr<integrators::Integrator> make_job_integrator(std::shared_ptr<const transport::World> world,
+                                                             const RenderSettings& settings);
+
+}  // namespace fogbank::render

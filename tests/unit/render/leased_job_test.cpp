@@ -1,0 +1,208 @@
+// A job whose tasks replicas perform comes to the bits of the job that one process runs: image and records.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <random>
+#include <thread>
+
+#include "cache/record_bytes.h"
+#include "cache/scene_cache.h"
+#include "core/error.h"
+#include "render/render_job.h"
+#include "render/render_to_image.h"
+#include "render/replica.h"
+#include "scene/intersector.h"
+#include "transport/world_builders.h"
+
+namespace fogbank::render {
+namespace {
+
+const std::atomic<bool> never = false;
+
+/// A plate in a room full of fog, and a small lamp.
+std::string foggy_room(const std::string& sigma_t, const std::string& albedo) {
+  return R"(<medium type="homogeneous" id="fog"><rgb name="sigma_t" value=")" + sigma_t +
+         R"("/><rgb name="albedo" value=")" + albedo + R"("/></medium>
+  <sensor type="perspective">
+    <float name="fov" value="60"/>
+    <transform name="to_world"><lookat origin="0, -1.8, 0" target="0, 0, 0" up="0, 0, 1"/></transform>
+    <ref name="medium" id="fog"/>
+  </sensor>
+  <bsdf type="twosided" id="wall"><bsdf type="diffuse"><rgb name="reflectance" value="0.5, 0.4, 0.3"/></bsdf></bsdf>
+  <shape type="cube"><transform name="to_world"><scale x="2" y="2" z="1"/></transform><ref id="wall"/></shape>
+  <shape type="rectangle">
+    <transform name="to_world"><rotate x="1" angle="180"/><scale value="0.4"/><translate x="0" y="0" z="0.99"/></transform>
+    <bsdf type="diffuse"><rgb name="reflectance" value="0"/></bsdf>
+    <emitter type="area"><rgb name="radiance" value="10, 9, 7"/></emitter>
+  </shape>
+  <shape type="rectangle"><transform name="to_world"><scale value="0.5"/></transform><ref id="wall"/></shape>)";
+}
+
+std::shared_ptr<const transport::World> thin_fog() {
+  static const auto world = transport::test::parse_world(foggy_room("0.5, 0.6, 0.7", "0.8"));
+  return world;
+}
+
+RenderSettings settings_of(const transport::World& world, const std::string& integrator) {
+  RenderSettings settings;
+  settings.integrator = integrator;
+  settings.film.width = 20;
+  settings.film.height = 14;
+  settings.film.crop = {1, 2, 18, 11};
+  settings.sensor = world.scene().sensor;
+  settings.samples_per_pixel = 6;
+  settings.tile_size = 8;
+  settings.seed = 3;
+  // Every replica traces the photons of every pass.
+  if (integrator == "photon-beams") settings.samples_per_pixel = 2;
+  if (integrator == "radiance-cache") {
+    settings.integrator_settings.cache = std::make_shared<cache::SceneCache>();
+    settings.error = 0.2;
+    settings.samples_per_pixel = 16;
+    settings.aovs = {Aov::radius, Aov::bias};
+  }
+  return settings;
+}
+
+std::string bytes_of_records(const RenderSettings& settings) {
+  std::string bytes;
+  if (!settings.integrator_settings.cache) return bytes;
+  const auto set = settings.integrator_settings.cache->records();
+  for (size_t i = 0; i < set->size(); ++i) cache::append_record(bytes, set->record(i));
+  return bytes;
+}
+
+template <typename T>
+bool same_bits(const std::vector<T>& a, const std::vector<T>& b) {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
+}
+
+void expect_same(const Image& a, const Image& b) {
+  EXPECT_EQ(a.samples, b.samples);
+  EXPECT_TRUE(same_bits(a.rgb, b.rgb));
+  EXPECT_TRUE(same_bits(a.variance, b.variance));
+  ASSERT_EQ(a.aovs.size(), b.aovs.size());
+  for (size_t i = 0; i < a.aovs.size(); ++i) EXPECT_TRUE(same_bits(a.aovs[i].values, b.aovs[i].values));
+}
+
+/// Replays what the replica hasn't yet.
+void follow(Replica& replica, const RenderJob& job) {
+  for (uint64_t entry = replica.log_length(); entry < job.log().length(); ++entry)
+    replica.advance(entry, job.log().entry(entry)->data);
+}
+
+bool refuses(RenderJob& job, const LeasedTask& task, const TaskResult& result) {
+  try {
+    job.complete(task.stage, task.index, result);
+  } catch (const Error& error) {
+    return error.reason() == "POISONED_RESULT";
+  }
+  return false;
+}
+
+/// Tasks in random order on random replicas, some of them twice and late, some poisoned at first; a replica is
+/// now and then thrown away, and its successor replays the log.
+class RandomFarm {
+ public:
+  RandomFarm(RenderJob& job, std::shared_ptr<const transport::World> world, uint32_t replicas, uint32_t losses)
+      : job_(job), world_(std::move(world)), replicas_(replicas), random_(replicas), losses_left_(losses) {}
+
+  void run() {
+    while (!job_.ended()) {
+      if (const std::optional<Task> plan = job_.next_task()) {
+        ASSERT_TRUE(std::holds_alternative<PlanTask>(*plan));
+        job_.run(*plan, never);
+        leased_.clear();
+        continue;
+      }
+      while (std::optional<LeasedTask> task = job_.lease()) leased_.push_back(std::move(*task));
+      ASSERT_FALSE(leased_.empty()) << "the job neither plans nor has tasks";
+      if (below(20) == 0) {
+        job_.recall_leases();
+        leased_.clear();
+        continue;
+      }
+      perform_one();
+    }
+  }
+
+  uint32_t stages() const { return stages_; }
+
+ private:
+  uint32_t below(uint32_t end) { return static_cast<uint32_t>(random_() % end); }
+
+  Replica& some_replica() {
+    std::unique_ptr<Replica>& replica = replicas_[below(static_cast<uint32_t>(replicas_.size()))];
+    const bool lost = losses_left_ > 0 && below(40) == 0;
+    if (lost) --losses_left_;
+    if (!replica || lost) replica = std::make_unique<Replica>(world_, job_.settings());
+    follow(*replica, job_);
+    return *replica;
+  }
+
+  void perform_one() {
+    const auto at = leased_.begin() + below(static_cast<uint32_t>(leased_.size()));
+    const LeasedTask task = *at;
+    leased_.erase(at);
+    stages_ = std::max(stages_, task.stage);
+    const std::optional<TaskResult> result = some_replica().perform(task, never);
+    ASSERT_TRUE(result);
+    if (below(4) == 0) {
+      TaskResult poisoned = *result;
+      poisoned.bytes.resize(below(static_cast<uint32_t>(poisoned.bytes.size())));
+      if (!result->bytes.empty()) {
+        EXPECT_TRUE(refuses(job_, task, poisoned)) << "of " << result->bytes.size();
+      }
+    }
+    EXPECT_NE(job_.complete(task.stage, task.index, *result), Completion::ignored);
+    if (below(3) == 0) {
+      EXPECT_EQ(job_.complete(task.stage, task.index, *result), Completion::ignored);
+    }
+    if (late_ && below(5) == 0) {
+      EXPECT_EQ(job_.complete(late_->first.stage, late_->first.index, late_->second), Completion::ignored);
+    }
+    if (below(5) == 0) late_ = {task, *result};
+  }
+
+  RenderJob& job_;
+  std::shared_ptr<const transport::World> world_;
+  std::vector<std::unique_ptr<Replica>> replicas_;
+  std::mt19937 random_;
+  uint32_t losses_left_;
+  std::vector<LeasedTask> leased_;
+  std::optional<std::pair<LeasedTask, TaskResult>> late_;
+  uint32_t stages_ = 0;
+};
+
+void expect_farm_is_one_process(const std::shared_ptr<const transport::World>& world,
+                                const std::string& integrator, uint32_t least_stages) {
+  const RenderSettings plain = settings_of(*world, integrator);
+  RenderJob job(world, plain);
+  run_to_completion(job, 2);
+  const Image image = job.image();
+  for (const uint32_t replicas : {1u, 2u, 3u}) {
+    const RenderSettings settings = settings_of(*world, integrator);
+    RenderJob leased(world, settings, Performers::replicas);
+    RandomFarm farm(leased, world, replicas, integrator == "photon-beams" ? 1 : 10);
+    farm.run();
+    SCOPED_TRACE(replicas);
+    expect_same(image, leased.image());
+    EXPECT_EQ(bytes_of_records(settings), bytes_of_records(plain));
+    EXPECT_EQ(leased.progress().rays > 0, true);
+    EXPECT_GE(farm.stages(), least_stages);
+  }
+}
+
+TEST(LeasedJob, VolumePathsOnReplicas) { expect_farm_is_one_process(thin_fog(), "volpath", 3); }
+
+TEST(LeasedJob, PhotonBeamsOnReplicas) { expect_farm_is_one_process(thin_fog(), "photon-beams", 3); }
+
+// A preview, a finer stage with further records of noisy places, surveys, AOVs.
+TEST(LeasedJob, RadianceCacheOnReplicas) { expect_farm_is_one_process(thin_fog(), "radiance-cache", 12); }
+
+}  // namespace
+}  // namespace fogbank::render
