@@ -133,7 +133,7 @@ Completion RenderJob::Implementation::complete_round_task(uint32_t its_stage, ui
     throw;
   }
   end_this(true);
-  return Completion::accepted;
+  return Completion::round_task;
 }
 
 Completion RenderJob::Implementation::complete_tile(uint32_t its_stage, uint32_t index,
@@ -153,9 +153,9 @@ Completion RenderJob::Implementation::complete_tile(uint32_t its_stage, uint32_t
   watch_time();  // what comes too late doesn't count
   if (stage != its_stage || films.is_done(task)) return Completion::ignored;
   account(result);
-  if (!films.add(task, std::move(film), outdated)) return Completion::accepted;
+  if (!films.add(task, std::move(film), outdated)) return Completion::tile;
   phase = Phase::planning;
-  return Completion::pass_completed;
+  return Completion::last_tile;
 }
 
 }  // namespace fogbank::render

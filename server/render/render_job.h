@@ -35,9 +35,10 @@ enum class Performers : uint8_t {
 
 /// What became of a result.
 enum class Completion : uint8_t {
-  accepted,
-  pass_completed,  ///< accepted, as the last one of a pass
-  ignored,         ///< the task is done, or no longer wanted
+  ignored,     ///< the task is done, or no longer wanted
+  round_task,  ///< accepted, of a preparation or a survey
+  tile,        ///< accepted
+  last_tile,   ///< accepted, which completed a pass
 };
 
 class RenderJob {

@@ -53,6 +53,7 @@ Job::Job(const std::string& id, const v1::CreateJobRequest& request, const v1::R
   base_.mutable_progress()->set_tiles_total(static_cast<int32_t>(tile_count(settings_)));
   base_.set_request_id(request.request_id());
   base_.set_priority(priority_);
+  base_.set_leased(request.leased());
 }
 
 Job::Job(StoredJob stored, JobServices& services)
@@ -104,7 +105,8 @@ void Job::start(std::shared_ptr<const transport::World> world, render::RenderSet
     used_cache = cache_name(cache::record_field(world->scene(), max_depth()).transport);
   std::shared_ptr<render::RenderJob> render_job;
   try {
-    render_job = std::make_shared<render::RenderJob>(std::move(world), engine);
+    render_job = std::make_shared<render::RenderJob>(
+        std::move(world), engine, leased() ? render::Performers::replicas : render::Performers::caller);
     resume_from_checkpoint(*render_job);
   } catch (...) {
     fail(to_rpc_error(std::current_exception()));
@@ -155,30 +157,31 @@ void Job::run(const render::Task& task) {
     const std::lock_guard lock(mutex_);
     --running_tasks_;
     render_cpu_seconds_ += cpu;
-    if (!stop_) account(task, pass_completed);
+    const auto* const tile = std::get_if<render::TileTask>(&task);
+    if (!stop_) account(tile != nullptr ? std::optional(tile->tile) : std::nullopt, pass_completed);
     finish_if_idle();
   }
+  if (leased()) services_.settle(shared_from_this());
   services_.changed();
 }
 
-void Job::account(const render::Task& task, bool pass_completed) {
+void Job::account(std::optional<uint32_t> tile, bool pass_completed) {
   const Clock::time_point now = Clock::now();
   ray_rate_.record(render_job_->progress().rays, now);
   ++tasks_completed_;
-  const auto* const tile = std::get_if<render::TileTask>(&task);
-  if (tile == nullptr) return;
+  if (!tile) return;
   services_.tiles += 1;
   if (!pass_completed) {
     // What an interruption came into may or may not have been done; its tile is told of with the pass.
     if (interrupt_) {
-      doubtful_tiles_.push_back(tile->tile);
+      doubtful_tiles_.push_back(*tile);
     } else {
-      board_.complete(tile->tile, now);
-      unfinished_pass_.push_back(tile->tile);
+      board_.complete(*tile, now);
+      unfinished_pass_.push_back(*tile);
     }
     return;
   }
-  board_.complete(tile->tile, now);
+  board_.complete(*tile, now);
   for (const uint32_t doubtful : doubtful_tiles_) board_.complete(doubtful, now);
   doubtful_tiles_.clear();
   unfinished_pass_.clear();
@@ -308,7 +311,8 @@ bool Job::ended() const { return has_ended(state()); }
 
 bool Job::active() const {
   const std::lock_guard lock(mutex_);
-  return render_job_ && !paused_ && !suspended_ && !finishing_ && !has_ended(base_.state());
+  if (!render_job_ || paused_ || suspended_ || finishing_ || has_ended(base_.state())) return false;
+  return !leased() || render_job_->plan_due();
 }
 
 double Job::rays_per_second() const {

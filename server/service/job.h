@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "fogbank/v1/farm.pb.h"
 #include "fogbank/v1/render.pb.h"
 #include "service/job_settings.h"
 #include "service/job_store.h"
@@ -38,6 +39,8 @@ struct JobServices {
   std::function<void()> changed;  ///< watchers may have something to see
   std::function<void(const std::shared_ptr<Job>&)> ended;
   std::function<void(const std::shared_ptr<Job>&)> suspended;
+  /// Whether the scheduler is to ask a leased job for tasks may have changed (`active`).
+  std::function<void(const std::shared_ptr<Job>&)> settle;
   int group = 0;                    ///< of the scheduler: whose jobs these are
   std::atomic<uint64_t> tiles = 0;  ///< rendered
 };
@@ -96,6 +99,17 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   std::filesystem::path image_path() const { return services_.folder / (id_ + ".exr"); }
   std::filesystem::path checkpoint_path() const { return services_.folder / (id_ + ".checkpoint"); }
 
+  // Of a leased job (job_leasing.cpp).
+  bool leased() const { return request_.leased(); }
+  /// Fills the answer but for what it waits for. Tasks go to one `coordinator` at a time. Throws RpcError
+  /// JOB_NOT_LEASED.
+  void lease(const std::string& coordinator, int most_tasks, v1::LeaseTasksResponse& response);
+  /// Takes a result; says in `response` what became of it. Throws RpcError LOG_CHANGED, JOB_NOT_LEASED.
+  void complete(const std::string& log, const v1::TaskResultPart& last_part, std::string bytes,
+                v1::CompleteTasksResponse& response);
+  /// Entries from `first` on. Throws RpcError JOB_NOT_LEASED, JOB_NOT_RUNNING, LOG_CHANGED, INVALID_OFFSET.
+  void read_log(const std::string& log, uint64_t first, v1::ReadJobLogResponse& response) const;
+
   // Workload
   std::function<void()> take() override;
   int max_threads() const override { return settings_.max_threads(); }
@@ -116,8 +130,11 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
 
  private:
   void run(const render::Task& task);
-  /// Takes note of a task that returned; with `mutex_` held.
-  void account(const render::Task& task, bool pass_completed);
+  /// Takes note of a task that returned, of a tile if it was one; with `mutex_` held.
+  void account(std::optional<uint32_t> tile, bool pass_completed);
+  void expect_leased() const;
+  /// Of this life; with `mutex_` held.
+  std::string log_id() const;
   /// Begins to end or to suspend the job if there is a reason and no task of it runs; with `mutex_` held.
   void finish_if_idle();
   void finish();
@@ -169,6 +186,7 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   bool failure_is_cancel_ = false;
   bool finishing_ = false;
   int running_tasks_ = 0;
+  std::string coordinator_;  ///< that has the leased tasks
   int watchers_ = 0;
   uint64_t tasks_completed_ = 0;
   std::vector<uint32_t> unfinished_pass_;  ///< tiles that the current pass has completed

@@ -49,6 +49,7 @@ JobTable::JobTable(Settings settings, SceneRegistry& scenes, CacheRegistry& cach
                 .changed = std::move(changed),
                 .ended = [this](const std::shared_ptr<Job>& job) { on_stopped(job); },
                 .suspended = [this](const std::shared_ptr<Job>& job) { on_stopped(job); },
+                .settle = [this](const std::shared_ptr<Job>& job) { settle(job); },
                 .group = settings_.group} {
   restore();
 }
@@ -225,6 +226,12 @@ void JobTable::schedule(const std::shared_ptr<Job>& job) {
   scheduler_.add(job);
   // Should it have ended before it was added, its end found nothing to remove.
   if (!job->active()) scheduler_.remove(*job);
+}
+
+void JobTable::settle(const std::shared_ptr<Job>& job) {
+  if (!job->active()) scheduler_.remove(*job);
+  // It may have become active before it was removed.
+  if (job->active()) schedule(job);
 }
 
 void JobTable::pause(const std::shared_ptr<Job>& job) {

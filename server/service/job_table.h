@@ -104,6 +104,8 @@ class JobTable {
   void start(const std::shared_ptr<Job>& job);
   /// Its tasks can be taken.
   void schedule(const std::shared_ptr<Job>& job);
+  /// In the scheduler's list while it is active, and not otherwise.
+  void settle(const std::shared_ptr<Job>& job);
   /// Ended or suspended.
   void on_stopped(const std::shared_ptr<Job>& job);
   /// Suspends or cancels.

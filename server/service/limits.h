@@ -65,6 +65,17 @@ inline constexpr int64_t max_view_side = 4096;
 inline constexpr int64_t default_view_side = 1024;
 inline constexpr int64_t max_kept_epochs = 4;
 
+// Farms. An answer holds some tasks beside the largest, a tile of 128 x 128 pixels with two layers.
+inline constexpr int64_t max_leased_tasks = 1024;
+inline constexpr int64_t max_lease_bytes = 3584 << 10;
+inline constexpr double max_lease_wait_seconds = 60;
+inline constexpr int64_t max_result_part_bytes = 1 << 20;
+inline constexpr int64_t max_result_bytes = 256 << 20;
+inline constexpr int64_t max_log_entry_bytes = render::JobLog::most_entry_bytes;
+inline constexpr int64_t max_log_bytes = render::JobLog::most_bytes;
+inline constexpr int64_t max_replicas = 16;
+inline constexpr double replica_lifetime_seconds = 900;
+
 // Points of the two-dimensional model.
 inline constexpr int64_t max_flatland_points = 4096;
 inline constexpr int64_t max_flatland_cache_points = 256 * 256;

@@ -54,6 +54,8 @@ void check_sha256(const std::string& sha256) {
 std::string parse_scene_name(const std::string& name) { return parse_name(name, "scenes", 64); }
 std::string scene_name(const std::string& id) { return "scenes/" + id; }
 std::string parse_job_name(const std::string& name) { return parse_name(name, "jobs", 24); }
+std::string parse_replica_name(const std::string& name) { return parse_name(name, "replicas", 24); }
+std::string replica_name(const std::string& id) { return "replicas/" + id; }
 std::string parse_cache_name(const std::string& name) { return parse_name(name, "caches", 64); }
 std::string cache_name(const std::string& fingerprint) { return "caches/" + fingerprint; }
 std::string job_name(const std::string& id) { return "jobs/" + id; }

@@ -20,6 +20,10 @@ std::string scene_name(const std::string& id);
 std::string parse_job_name(const std::string& name);
 std::string job_name(const std::string& id);
 
+/// "replicas/{24 hexadecimal digits}" -> the digits. Throws RpcError INVALID_NAME.
+std::string parse_replica_name(const std::string& name);
+std::string replica_name(const std::string& id);
+
 /// "caches/{64 hexadecimal digits}" -> the digits. Throws RpcError INVALID_NAME.
 std::string parse_cache_name(const std::string& name);
 std::string cache_name(const std::string& fingerprint);

@@ -19,6 +19,7 @@
 #include "scene/intersector.h"
 #include "service/cache_service.h"
 #include "service/channel_arguments.h"
+#include "service/farm_service.h"
 #include "service/flatland_service.h"
 #include "service/limits.h"
 #include "service/listen_address.h"
@@ -134,6 +135,7 @@ struct Server::Parts {
         probe_service(tenants, control),
         flatland_service(tenants, control, scheduler),
         cache_service(tenants, files),
+        farm_service(tenants, control, files, scheduler),
         server_service(tenants, options.scene_root.has_value(), options.data, memory_bytes, scheduler,
                        control) {}
 
@@ -151,6 +153,7 @@ struct Server::Parts {
   ProbeServiceImplementation probe_service;
   FlatlandServiceImplementation flatland_service;
   CacheServiceImplementation cache_service;
+  FarmServiceImplementation farm_service;
   ServerServiceImplementation server_service;
   std::optional<Sweeper> sweeper;
   std::optional<MetricsEndpoint> metrics;
@@ -192,6 +195,7 @@ Server::Server(const ServerOptions& options) {
   builder.RegisterService(&parts_->probe_service);
   builder.RegisterService(&parts_->flatland_service);
   builder.RegisterService(&parts_->cache_service);
+  builder.RegisterService(&parts_->farm_service);
   builder.RegisterService(&parts_->server_service);
   parts_->server = builder.BuildAndStart();
   if (!parts_->server || (address.is_network && port == 0)) {
@@ -201,7 +205,7 @@ Server::Server(const ServerOptions& options) {
   for (const char* service :
        {v1::SceneService::service_full_name(), v1::RenderService::service_full_name(),
         v1::ProbeService::service_full_name(), v1::FlatlandService::service_full_name(),
-        v1::CacheService::service_full_name(), v1::ServerService::service_full_name()}) {
+        v1::CacheService::service_full_name(), v1::FarmService::service_full_name(), v1::ServerService::service_full_name()}) {
     health->SetServingStatus(service, true);
   }
   parts_->target = address.is_network ? address.host + ":" + std::to_string(port) : address.target;

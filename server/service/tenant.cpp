@@ -26,7 +26,9 @@ Tenant::Tenant(std::string name_to_use, int number, const std::filesystem::path&
             .scheduler = shared.scheduler,
             .control = shared.control,
             .pump = fill_pump,
-            .group = number} {}
+            .group = number},
+      replicas([this] { perform_pump.news(); }),
+      performs{.scheduler = shared.scheduler, .pump = perform_pump, .group = number} {}
 
 void Tenant::sweep() {
   std::set<std::string> in_use = scenes.blobs_in_use();
@@ -34,6 +36,7 @@ void Tenant::sweep() {
   blobs.sweep(in_use, std::chrono::seconds(static_cast<int64_t>(limits::blob_lifetime_seconds)),
               std::chrono::seconds(static_cast<int64_t>(limits::partial_upload_lifetime_seconds)));
   caches.keep_within_budget();
+  replicas.sweep();
 }
 
 void Tenant::shut_down() {
@@ -43,17 +46,20 @@ void Tenant::shut_down() {
   probe_pump.news();
   fills.shutting_down = true;
   fill_pump.news();
+  performs.shutting_down = true;
+  replicas.shut_down();
 }
 
 bool Tenant::idle() const {
   return jobs.unfinished() == 0 && pump.streams() == 0 && probe_pump.streams() == 0 &&
-         fill_pump.streams() == 0;
+         fill_pump.streams() == 0 && perform_pump.streams() == 0;
 }
 
 void Tenant::close() {
   pump.close();
   probe_pump.close();
   fill_pump.close();
+  perform_pump.close();
 }
 
 }  // namespace fogbank::service

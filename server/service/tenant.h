@@ -12,7 +12,9 @@
 #include "service/fill_stream.h"
 #include "service/film_budget.h"
 #include "service/job_table.h"
+#include "service/perform_stream.h"
 #include "service/probe_stream.h"
+#include "service/replica_table.h"
 #include "service/scene_registry.h"
 #include "service/stream_pump.h"
 
@@ -55,12 +57,15 @@ class Tenant {
   StreamPump pump;
   StreamPump probe_pump;
   StreamPump fill_pump;
+  StreamPump perform_pump;
   BlobStore blobs;
   SceneRegistry scenes;
   CacheRegistry caches;
   JobTable jobs;
   ProbeServices probes;
   FillServices fills;
+  ReplicaTable replicas;
+  PerformServices performs;
 };
 
 }  // namespace fogbank::service
