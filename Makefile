@@ -65,7 +65,7 @@ lint: build ## clang-format, clang-tidy, ruff, mypy and buf, without changing an
 
 lock: setup ## pin the newest Python packages that pyproject.toml allows into deploy/python-packages.lock
 	@build/uv/bin/uv pip compile --quiet --upgrade --universal --generate-hashes --custom-compile-command 'make lock' \
-	  --python $(python) --extra figures --extra compare --group build --group lint --group test \
+	  --python $(python) --extra figures --extra compare --extra farm --group build --group lint --group test \
 	  --output-file deploy/python-packages.lock pyproject.toml
 
 clean: ## remove what was built; .venv and the Debian packages stay

@@ -175,7 +175,9 @@ std::optional<double> Progression::finer_target(const Standing& standing) {
 
 std::optional<Step> Progression::first_steps(const Standing& standing) {
   if (stages_ > 0 || !prepares_) return std::nullopt;
-  return prepare(std::fmax(preview_error, aim_), true, standing);
+  // Who makes no records reads them as finely as the picture is to be at once: no stage can follow.
+  const bool reads_only = settings_.integrator_settings.most_records == 0;
+  return prepare(reads_only ? aim_ : std::fmax(preview_error, aim_), true, standing);
 }
 
 Step Progression::next(const Standing& standing) {

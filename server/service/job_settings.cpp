@@ -109,7 +109,7 @@ void resolve_cache(const v1::RenderSettings& requested, render::RenderSettings& 
     settings.most_records = 0;
   }
   if (requested.has_records()) {
-    check_range("records", requested.records(), 1, render::RenderLimits::most_records);
+    check_range("records", requested.records(), 0, render::RenderLimits::most_records);
     engine.record_budget = requested.records();
     settings.most_records = requested.records();
   }

@@ -337,7 +337,7 @@ def bad(**fields: object) -> render.RenderSettings:
         (bad(integrator="radiance-cache", single_scattering=99), "single_scattering", "is not a SingleScattering"),
         (bad(integrator="radiance-cache", error=-1.0), "error", "must be positive"),
         (bad(integrator="radiance-cache", error=float("nan")), "error", "must be positive"),
-        (bad(integrator="radiance-cache", records=0), "records", "0 is not in 1 .. 4294967296"),
+        (bad(integrator="radiance-cache", records=-1), "records", "-1 is not in 0 .. 4294967296"),
         (bad(integrator="radiance-cache", epoch=1, records=5), "records", "a job of a given epoch makes no records"),
         (bad(integrator="radiance-cache", aovs=[99]), "aovs", "99 is not an Aov"),
     ],

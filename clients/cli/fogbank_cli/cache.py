@@ -16,7 +16,7 @@ from fogbank_cli.output import quantity
 from fogbank_cli.parameter_types import SizeInBytesType
 from fogbank_cli.render import UploadReport, load_scene
 from fogbank_cli.render_options import cache_options
-from fogbank_cli.session import Session, find, json_option, loading_options, pass_session, short_id
+from fogbank_cli.session import Session, find, json_option, loading_options, openjd_option, pass_session, short_id
 
 _FILE = click.Path(path_type=Path, dir_okay=False)
 
@@ -93,7 +93,9 @@ def show(session: Session, /, name: str) -> None:
 @click.argument("scene", type=click.Path(path_type=Path))
 @camera_path_options
 @cache_options
+@click.option("--export", "exported", type=_FILE, help="Write the whole cache to this file when it is filled.")
 @loading_options
+@openjd_option
 @json_option
 @pass_session
 def fill_cache(
@@ -108,6 +110,7 @@ def fill_cache(
     parameters: tuple[tuple[str, str], ...],
     lenient: bool,
     root: Path | None,
+    exported: Path | None,
     **options: Unpack[RenderOptions],
 ) -> None:
     """Make the records that pictures of SCENE from some cameras need, the scene's own camera if none is given.
@@ -121,6 +124,8 @@ def fill_cache(
         if cameras is not None or orbit is not None:
             path = path_cameras(loaded, cameras=cameras, frames=frames, orbit=orbit, target=target, degrees=degrees)
         report = fill(loaded.cache, path, output, options)
+        if exported is not None:
+            loaded.cache.export(exported)
     output.event("done", cache=loaded.cache.name, **vars(report))
 
 

@@ -40,6 +40,7 @@ def fill(
             for report in cache.fill_events(cameras, **options):
                 output.event("fill", cache=cache.name, **vars(report))
                 figures = f"camera {report.cameras_done}/{report.cameras_total}, {report.records_new} new records"
+                output.progress(report.fraction, f"filling the cache: {figures}")
                 bar.update(task, completed=report.fraction, figures=figures, refresh=bar.live.is_started)
                 if interrupts.count > 0:
                     raise KeyboardInterrupt

@@ -18,6 +18,8 @@ from fogbank_cli.cache import cache
 from fogbank_cli.compare import compare
 from fogbank_cli.exit_codes import ExitCode, exit_code, help_table
 from fogbank_cli.job import job
+from fogbank_cli.join import join
+from fogbank_cli.openjd import openjd
 from fogbank_cli.plan import plan
 from fogbank_cli.probe import probe
 from fogbank_cli.reference import reference
@@ -34,6 +36,8 @@ from fogbank_cli.token import token
 COMMANDS: tuple[click.Command, ...] = (
     render,
     sweep,
+    join,
+    openjd,
     probe,
     plan,
     serve,

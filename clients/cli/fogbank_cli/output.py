@@ -20,11 +20,24 @@ class Output:
 
     Attributes:
         as_json: whether `--json` was given: standard output then holds one JSON object a line and nothing else.
+        as_openjd: whether `--openjd` was given: standard output then has lines for an Open Job Description scheduler.
     """
 
     def __init__(self) -> None:
         """Text for people until told otherwise."""
         self.as_json = False
+        self.as_openjd = False
+
+    def progress(self, fraction: float, status: str) -> None:
+        """Tells a scheduler how far the command is, if `--openjd` was given.
+
+        Args:
+            fraction: done, 0 to 1.
+            status: what it does, for people.
+        """
+        if self.as_openjd:
+            click.echo(f"openjd_progress: {100.0 * min(max(fraction, 0.0), 1.0):.1f}")
+            click.echo(f"openjd_status: {status}")
 
     def event(self, kind: str, /, **fields: Any) -> None:  # noqa: ANN401 - whatever JSON can hold
         """Prints an event if `--json` was given: {"event": kind, ...}."""
@@ -57,6 +70,8 @@ class Output:
             fields |= {"reason": error.reason, "metadata": error.metadata}
             fields["code"] = error.code.name if error.code is not None else ""
         self.event("error", **fields, exit_code=int(exit_code(error)))
+        if self.as_openjd:
+            click.echo("openjd_fail: " + " ".join(str(fields["message"]).split()))
         if not self.as_json:
             if isinstance(error, click.UsageError):
                 error.show()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
@@ -43,6 +44,59 @@ class WindowType(click.ParamType[Window]):
         except ValueError:
             self.fail(f"'{value}' is not a window in pixels; write X,Y,W,H such as 0,0,640,360", param, ctx)
         return Window(x, y, width, height)
+
+
+@dataclass(frozen=True)
+class Bands:
+    """Some of the equal horizontal bands of a film, counted from 1 at the top."""
+
+    first: int
+    last: int
+    of: int
+
+    def window(self, width: int, height: int) -> Window:
+        """Their pixels on a film of this size; UsageError when it has fewer rows than bands."""
+        if self.of > height:
+            raise click.UsageError(f"--bands: a film of {height} rows has no {self.of} bands")
+        top, bottom = ((band * height) // self.of for band in (self.first - 1, self.last))
+        return Window(0, top, width, bottom - top)
+
+
+class BandsType(click.ParamType[Bands]):
+    """FIRST-LAST/COUNT, or NUMBER/COUNT."""
+
+    name = "A-B/COUNT"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Bands:
+        """The bands."""
+        numbers, _, count = str(value).partition("/")
+        first, dash, last = numbers.partition("-")
+        try:
+            bands = Bands(int(first), int(last if dash else first), int(count))
+        except ValueError:
+            bands = Bands(0, 0, 0)
+        if not 1 <= bands.first <= bands.last <= bands.of:
+            self.fail(
+                f"'{value}' does not name bands; write for example 3-4/16 for the third and fourth of 16", param, ctx
+            )
+        return bands
+
+
+class RangeType(click.ParamType[tuple[int, int]]):
+    """FIRST-LAST, or one number."""
+
+    name = "A-B"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        """First and last."""
+        first, dash, last = str(value).partition("-")
+        try:
+            numbers = int(first), int(last if dash else first)
+        except ValueError:
+            numbers = -1, -1
+        if not 0 <= numbers[0] <= numbers[1]:
+            self.fail(f"'{value}' is not a range; write for example 3-7", param, ctx)
+        return numbers
 
 
 class PointType(click.ParamType[tuple[float, float, float]]):

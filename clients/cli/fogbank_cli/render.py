@@ -12,9 +12,9 @@ from fogbank.job import Priority
 
 from fogbank_cli.image_output import exposure_option, follow_and_save, watch_tev_option
 from fogbank_cli.output import Output, quantity
-from fogbank_cli.parameter_types import ImagePathType
-from fogbank_cli.render_options import picture_options
-from fogbank_cli.session import Session, json_option, loading_options, pass_session
+from fogbank_cli.parameter_types import Bands, ImagePathType
+from fogbank_cli.render_options import part_options, picture_options, take_part
+from fogbank_cli.session import Session, json_option, loading_options, openjd_option, pass_session
 
 # With a viewer attached; else the server's own, sparse cadence is right.
 _LIVE_UPDATE_SECONDS = 0.25
@@ -26,6 +26,7 @@ _LIVE_UPDATE_SECONDS = 0.25
     "-o", "--output", "paths", type=ImagePathType(), multiple=True, required=True, help=".exr or .png; may be repeated."
 )
 @picture_options
+@part_options
 @click.option(
     "--priority",
     type=click.Choice(["interactive", "normal", "background"]),
@@ -36,6 +37,7 @@ _LIVE_UPDATE_SECONDS = 0.25
 @loading_options
 @exposure_option
 @watch_tev_option
+@openjd_option
 @json_option
 @pass_session
 def render(
@@ -49,6 +51,8 @@ def render(
     exposure: float,
     watch_tev: tuple[str, int] | None,
     priority: Priority,
+    bands: Bands | None,
+    cache_file: Path | None,
     **options: Unpack[RenderOptions],
 ) -> None:
     """Render SCENE, a Mitsuba 3 XML file, and write the image.
@@ -61,6 +65,9 @@ def render(
     output = session.output
     with session.connect() as service:
         loaded = load_scene(service, output, scene, parameters, lenient, root)
+        take_part(loaded, bands, options)
+        if cache_file is not None:
+            loaded.cache.import_(cache_file)
         job = loaded.render(priority=priority, **options)
         output.event("job", job=job.name, settings=job.settings)
         follow_and_save(

@@ -7,22 +7,34 @@ from pathlib import Path
 from typing import ParamSpec, TypeVar
 
 import click
+import fogbank
+from fogbank import RenderOptions
 
-from fogbank_cli.parameter_types import AovsType, SizeType, WindowType
+from fogbank_cli.parameter_types import AovsType, Bands, BandsType, SizeType, WindowType
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 
-_CACHE_OPTIONS = (
+_INTEGRATOR_OPTIONS = (
     click.option(
         "--integrator",
         help="How radiance is computed, e.g. radiance-cache, photon-beams or volpath; by default as suits the scene.",
     ),
+)
+
+_TARGET_OPTIONS = (
     click.option(
         "--error", type=float, metavar="RELATIVE", help="End when the estimated error is no greater, e.g. 0.02."
     ),
     click.option("--time", "time_budget", type=float, metavar="SECONDS", help="End after this time."),
-    click.option("--records", type=click.IntRange(1), help="Make the cache finer until so many records are made."),
+)
+
+_RECORD_OPTIONS = (
+    click.option(
+        "--records",
+        type=click.IntRange(0),
+        help="Make the cache finer until so many records are made; 0: only read those that are there.",
+    ),
     click.option(
         "--single-scattering",
         type=click.Choice(["auto", "direct", "cached"]),
@@ -30,10 +42,16 @@ _CACHE_OPTIONS = (
     ),
     click.option("--spheres", is_flag=True, default=None, help="Extents of records: spheres instead of ellipsoids."),
     click.option("--size", type=SizeType(), help="Of the film, in pixels."),
-    click.option("--crop", type=WindowType(), help="The part of the film to render."),
+)
+
+_CROP_OPTIONS = (click.option("--crop", type=WindowType(), help="The part of the film to render."),)
+
+_TRANSPORT_OPTIONS = (
     click.option("--max-depth", type=int, help="Greatest path length in edges, -1 for no limit."),
     click.option("--seed", type=click.IntRange(0, 2**64 - 1), help="Of the random numbers; 0 by default."),
 )
+
+_CACHE_OPTIONS = _INTEGRATOR_OPTIONS + _TARGET_OPTIONS + _RECORD_OPTIONS + _CROP_OPTIONS + _TRANSPORT_OPTIONS
 
 _PIXEL_OPTIONS = (
     click.option("--spp", type=click.IntRange(1), help="Samples per pixel; the most with --error or --time."),
@@ -59,6 +77,34 @@ _PICTURE_OPTIONS = (
 )
 
 
+def part_options(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Adds what makes a part of a picture elsewhere: `--bands`, `--cache`."""
+    return _with(
+        command,
+        (
+            click.option(
+                "--bands", type=BandsType(), help="Render bands A to B of COUNT, to be joined by `fogbank join`."
+            ),
+            click.option(
+                "--cache",
+                "cache_file",
+                type=click.Path(path_type=Path, dir_okay=False, exists=True),
+                help="Add the records of an exported file first.",
+            ),
+        ),
+    )
+
+
+def take_part(scene: fogbank.Scene, bands: Bands | None, options: RenderOptions) -> None:
+    """Makes the window of the bands the crop window of the options."""
+    if bands is None:
+        return
+    width, height = options.get("size") or scene.defaults.size
+    if options.get("crop") is not None or width is None or height is None:
+        raise click.UsageError("--bands divides the whole film: leave out --crop, and give both sides of --size")
+    options["crop"] = bands.window(width, height)
+
+
 def cache_options(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """Adds what decides which records are made."""
     return _with(command, _CACHE_OPTIONS)
@@ -67,6 +113,11 @@ def cache_options(command: Callable[Parameters, Result]) -> Callable[Parameters,
 def frame_options(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """Adds what all frames of a sweep may share."""
     return _with(command, _CACHE_OPTIONS + _PIXEL_OPTIONS)
+
+
+def fixed_picture_options(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Adds what parts of a picture may share that are made apart: nothing that is decided while they are made."""
+    return _with(command, _INTEGRATOR_OPTIONS + _RECORD_OPTIONS + _TRANSPORT_OPTIONS + _PIXEL_OPTIONS)
 
 
 def picture_options(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:

@@ -61,6 +61,23 @@ def json_option(command: Callable[Parameters, Result]) -> Callable[Parameters, R
     )(command)
 
 
+def openjd_option(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Adds `--openjd`, handled as early as `--json`."""
+
+    def remember(context: click.Context, _: click.Parameter, value: bool) -> None:
+        if value:
+            context.ensure_object(Session).output.as_openjd = True
+
+    return click.option(
+        "--openjd",
+        is_flag=True,
+        is_eager=True,
+        expose_value=False,
+        callback=remember,
+        help="Print progress as Open Job Description schedulers read it: openjd_progress, openjd_status, openjd_fail.",
+    )(command)
+
+
 def loading_options(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """Adds what commands that load a scene file have in common: `-D`, `--lenient`, `--root`."""
     for option in (

@@ -16,10 +16,10 @@ from fogbank_cli.camera_paths import camera_path_options, path_cameras
 from fogbank_cli.filling import fill
 from fogbank_cli.image_output import error_summary, exposure_option, records_summary
 from fogbank_cli.output import Output, duration
-from fogbank_cli.parameter_types import FramePatternType
+from fogbank_cli.parameter_types import Bands, FramePatternType, RangeType
 from fogbank_cli.render import load_scene
-from fogbank_cli.render_options import frame_options
-from fogbank_cli.session import Session, json_option, loading_options, pass_session
+from fogbank_cli.render_options import frame_options, part_options, take_part
+from fogbank_cli.session import Session, json_option, loading_options, openjd_option, pass_session
 from fogbank_cli.watching import follow
 
 
@@ -33,12 +33,15 @@ from fogbank_cli.watching import follow
     help="Make the records of all frames first, and render at that epoch; default with a cache.",
 )
 @click.option("--resume", is_flag=True, help="Skip frames whose file is there.")
+@click.option("--only", type=RangeType(), help="Render frames A to B alone, counted from 0; records are made for all.")
 @click.option(
     "--in-flight", type=click.IntRange(1), default=2, show_default=True, help="Jobs that the server has at once."
 )
 @frame_options
+@part_options
 @loading_options
 @exposure_option
+@openjd_option
 @json_option
 @pass_session
 def sweep(
@@ -53,7 +56,10 @@ def sweep(
     degrees: float | None,
     fill_first: bool | None,
     resume: bool,
+    only: tuple[int, int] | None,
     in_flight: int,
+    bands: Bands | None,
+    cache_file: Path | None,
     parameters: tuple[tuple[str, str], ...],
     lenient: bool,
     root: Path | None,
@@ -71,15 +77,21 @@ def sweep(
         loaded = load_scene(service, output, scene, parameters, lenient, root)
         path = path_cameras(loaded, cameras=cameras, frames=frames, orbit=orbit, target=target, degrees=degrees)
         integrator = options.get("integrator") or loaded.defaults.integrator
+        take_part(loaded, bands, options)
+        if cache_file is not None:
+            loaded.cache.import_(cache_file)
         if fill_first is None:
-            fill_first = integrator in service.capabilities.cached_integrators
+            fill_first = integrator in service.capabilities.cached_integrators and options.get("records") != 0
+        first, last = (0, len(path) - 1) if only is None else only
+        if last >= len(path):
+            raise click.UsageError(f"--only: there are {len(path)} frames, the last one is {len(path) - 1}")
         todo = [
             Frame(number, Path(pattern % number), camera)
             for number, camera in enumerate(path)
-            if not (resume and Path(pattern % number).is_file())
+            if first <= number <= last and not (resume and Path(pattern % number).is_file())
         ]
         Path(pattern % 0).parent.mkdir(parents=True, exist_ok=True)
-        totals = Totals(frames=len(path), skipped=len(path) - len(todo))
+        totals = Totals(frames=last - first + 1, skipped=last - first + 1 - len(todo))
         if fill_first and todo:
             report = fill(loaded.cache, path, output, fill_options(options))
             totals.fill(report)

@@ -100,6 +100,7 @@ class ProgressDisplay:
             figures.append(f"error {100.0 * progress.estimated_error:.2g} %")
         if progress.eta_seconds is not None:
             figures.append(f"{duration(progress.eta_seconds)} left")
+        self._output.progress(progress.fraction, f"{passes}, {', '.join(figures)}")
         tenths = int(10.0 * progress.fraction)
         if not self._bar.live.is_started and not self._output.as_json and tenths > self._tenths:
             self._tenths = tenths

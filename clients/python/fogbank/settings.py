@@ -65,7 +65,7 @@ class RenderOptions(TypedDict, total=False):
     """Ends with the first complete pass whose estimated relative error is no greater, 1e-6 to 10."""
 
     records: int | None
-    """Makes the cache finer until so many records are made, >= 1."""
+    """Makes the cache finer until so many records are made; 0: only reads those that are there."""
 
     single_scattering: SingleScattering | None
     """How single scattering is computed, with an integrator that has a cache; "auto" by predicted cost."""

@@ -204,6 +204,15 @@ TEST(Preparation, RecordBudget) {
   EXPECT_EQ(outcome.progress.samples_per_pixel, 64u);
 }
 
+TEST(Preparation, WhoOnlyReadsRecordsReadsThemAtThePicturesOwnError) {
+  RenderSettings settings = small_settings(32, 32, 64);
+  settings.integrator_settings.most_records = 0;
+  PreparationScript script;
+  render_prepared(settings, 2, script);
+  ASSERT_EQ(script.targets.size(), 1u);
+  EXPECT_EQ(script.targets.front().error, cache_error(settings));
+}
+
 TEST(Preparation, CancelReachesRunningTasks) {
   std::atomic<int> waiting = 0;
   PreparationScript script;
