@@ -11,6 +11,7 @@ import grpc
 from grpc._cython import cygrpc  # type: ignore[attr-defined]  # in no stubs
 
 from fogbank._generated.v1.cache_pb2_grpc import CacheServiceStub
+from fogbank._generated.v1.farm_pb2_grpc import FarmServiceStub
 from fogbank._generated.v1.flatland_pb2_grpc import FlatlandServiceStub
 from fogbank._generated.v1.probe_pb2_grpc import ProbeServiceStub
 from fogbank._generated.v1.render_pb2_grpc import RenderServiceStub
@@ -64,6 +65,7 @@ class Stubs:
         self.caches = CacheServiceStub(calls)
         self.probe = ProbeServiceStub(calls)
         self.flatland = FlatlandServiceStub(calls)
+        self.farm = FarmServiceStub(calls)
         self.server = ServerServiceStub(calls)
 
 

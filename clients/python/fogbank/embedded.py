@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import os
+import resource
 import shutil
 import subprocess
 import tempfile
@@ -35,22 +37,21 @@ _LOG_TAIL_LINES = 15
 class DataFolder:
     """The data directory of an embedded server, with a lock that other clients respect.
 
-    A data directory belongs to one server at a time. Without a name the first free one of several in the user's
-    cache folder is taken, so that clients side by side do not meet; a named one is taken as it is, and the server
-    says so when it is in use.
+    A data directory belongs to one server at a time. Without a name the first free one of a pool is taken, so that
+    clients side by side do not meet; a named one is taken as it is, and the server says so when it is in use.
     """
 
-    def __init__(self, named: str | os.PathLike[str] | None) -> None:
-        """Takes `named`, else $FOGBANK_DATA, else a free folder below the user's cache folder."""
+    def __init__(self, named: str | os.PathLike[str] | None, pool: Path | None = None) -> None:
+        """Takes `named`, else one of `pool`, else $FOGBANK_DATA, else one of the user's cache folder."""
         self.lock: IO[bytes] | None = None
-        name = named or os.environ.get(DATA_VARIABLE)
+        name = named or (os.environ.get(DATA_VARIABLE) if pool is None else None)
         if name:
             self.path = Path(name).absolute()
             self.path.mkdir(parents=True, exist_ok=True)
             return
         number = 0
         while True:
-            self.path = cache_folder() / "servers" / str(number)
+            self.path = (pool or cache_folder() / "servers") / str(number)
             self.path.mkdir(parents=True, exist_ok=True)
             lock = self.path.with_suffix(".lock").open("wb")
             try:
@@ -77,18 +78,22 @@ class EmbeddedServer:
         self,
         *,
         data: str | os.PathLike[str] | None = None,
+        data_pool: Path | None = None,
         scene_root: str | os.PathLike[str] | None = None,
         threads: int | None = None,
+        memory_bytes: int | None = None,
     ) -> None:
         """Starts the server and waits until it is ready; ServerStartError with its log's tail if it does not come up.
 
         Args:
             data: data directory, see `DataFolder`.
+            data_pool: folder of data directories of which a free one is taken, unless `data` names one.
             scene_root: folder whose scenes may be loaded by path, without upload.
             threads: worker threads; None for one per core.
+            memory_bytes: most private memory; None for no limit.
         """
         binary = server_binary()
-        data_folder = DataFolder(data)
+        data_folder = DataFolder(data, data_pool)
         self._owner = os.getpid()
         self._folder = _private_folder()
         self._log = self._folder / "log"
@@ -101,6 +106,10 @@ class EmbeddedServer:
         if threads is not None:
             command += ["--threads", str(threads)]
         self._process = self._start(command, data_folder)
+        if memory_bytes is not None:
+            # Private memory rather than address space, of which allocators and Embree reserve much more than they use.
+            with contextlib.suppress(ProcessLookupError):
+                resource.prlimit(self._process.pid, resource.RLIMIT_DATA, (memory_bytes, memory_bytes))
         self._finalizer = weakref.finalize(self, _stop, self._process, self._folder, self._owner)
         try:
             self._wait_until_ready(port_file)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Unpack
 
 from fogbank._generated.v1 import probe_pb2, render_pb2, scene_pb2
@@ -110,14 +111,34 @@ class Bounds:
     """In scene units; 0 for a scene without surfaces."""
 
 
+@dataclass(frozen=True)
+class SceneSource:
+    """Where a scene's files lie on this machine."""
+
+    manifest: scene_pb2.SceneManifest
+    """What the scene was created from."""
+
+    paths: Mapping[str, Path]
+    """Of its files, by SHA-256."""
+
+
 class Scene:
     """A loaded scene. It stays on the server when this object goes."""
 
-    def __init__(self, connection: Connection, message: scene_pb2.Scene, *, loaded_now: bool = False) -> None:
+    def __init__(
+        self,
+        connection: Connection,
+        message: scene_pb2.Scene,
+        *,
+        loaded_now: bool = False,
+        source: SceneSource | None = None,
+    ) -> None:
         """Made by `Service.load` and `Service.scene`, not by users."""
         self._connection = connection
         self._message = message
         self._loaded_now = loaded_now
+        self.source = source
+        """Its files; None unless this program has loaded it."""
 
     def __repr__(self) -> str:
         """File and name."""
@@ -223,6 +244,12 @@ class Scene:
         Raises InvalidArgumentError, naming the option, for options that the server refuses, OSError for a reference
         that cannot be read, and ResourceExhaustedError when too many jobs are waiting.
         """
+        return Job(self._connection, self.create_job(options, request_id=request_id, priority=priority))
+
+    def create_job(
+        self, options: RenderOptions, *, request_id: str | None, priority: Priority, leased: bool = False
+    ) -> render_pb2.Job:
+        """As `render`, for parts of this package: the job's message. `leased`: others perform its tasks."""
         reference = options.get("reference")
         if reference is not None:
             options["reference"] = upload_reference(self._connection, reference)
@@ -231,9 +258,14 @@ class Scene:
             scene=self.name,
             settings=settings_message(options),
             priority=PRIORITIES[priority],
+            leased=leased,
         )
-        response = self._connection.call(lambda stubs: stubs.render.CreateJob, request)
-        return Job(self._connection, response.job)
+        return self._connection.call(lambda stubs: stubs.render.CreateJob, request).job
+
+    @property
+    def connection(self) -> Connection:
+        """The channel to its server, for parts of this package."""
+        return self._connection
 
     def probe(self, points: PointsLike, **options: Unpack[ProbeOptions]) -> ProbeResult:
         """Mean incoming radiance (fluence / 4 pi) at points, with gradient and Hessian.

@@ -24,7 +24,7 @@ from fogbank.hash_cache import HashCache
 from fogbank.job import STATES, Job, JobState
 from fogbank.paths import cache_folder
 from fogbank.retry import RetryPolicy
-from fogbank.scene import Scene
+from fogbank.scene import Scene, SceneSource
 from fogbank.scene_files import SceneFiles
 from fogbank.upload import ProgressSink, push
 
@@ -115,6 +115,16 @@ class Service:
         return None if self._server is None else self._server.process_id
 
     @property
+    def connection(self) -> Connection:
+        """The channel and its stubs, for parts of this package."""
+        return self._connection
+
+    @property
+    def alive(self) -> bool:
+        """False when the server is embedded and has died."""
+        return self._server is None or self._server.failure() is None
+
+    @property
     def capabilities(self) -> Capabilities:
         """What the server is and can do, as it said when the connection was made."""
         return self._capabilities
@@ -150,7 +160,8 @@ class Service:
             files = SceneFiles(Path(path), None if root is None else Path(root), hash_cache)
             try:
                 manifest = push(self._connection, files, options, on_progress=on_progress)
-                return self._create_scene(scene_pb2.CreateSceneRequest(manifest=manifest))
+                source = SceneSource(manifest, {file.sha256: file.path for file in files.files})
+                return self._create_scene(scene_pb2.CreateSceneRequest(manifest=manifest), source)
             except InvalidSceneError as error:
                 raise _with_advice(error, files.root) from None
 
@@ -280,13 +291,13 @@ class Service:
             self._connection, scene, points, threshold, extents or {}, method=method, order=order, **options
         )
 
-    def _create_scene(self, request: scene_pb2.CreateSceneRequest) -> Scene:
+    def _create_scene(self, request: scene_pb2.CreateSceneRequest, source: SceneSource | None = None) -> Scene:
         request.request_id = uuid.uuid4().hex
         try:
             response = self._connection.call(lambda stubs: stubs.scenes.CreateScene, request)
         except FogbankError as error:
             raise scene_error(error) from None
-        return Scene(self._connection, response.scene, loaded_now=not response.already_loaded)
+        return Scene(self._connection, response.scene, loaded_now=not response.already_loaded, source=source)
 
 
 def _with_advice(error: InvalidSceneError, root: Path) -> InvalidSceneError:

@@ -1,0 +1,156 @@
+"""Clusters to render on: workers of this machine, a scheduler somewhere, or what Slurm and Kubernetes give."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import dask
+from distributed import Client, LocalCluster, Security
+
+from fogbank.errors import InvalidArgumentError
+from fogbank.farm.extras import require_package
+from fogbank.paths import cache_folder
+
+# Of a scheduler that is just being started.
+_CONNECT_SECONDS = 30.0
+
+# A worker's engine is a process of its own: Dask's own must not be ended for what it thinks is a leak.
+_MEMORY_SETTINGS = {
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,
+    "distributed.worker.memory.terminate": False,
+}
+
+
+@dataclass(frozen=True)
+class SchedulerTls:
+    """Certificates for a scheduler that asks for them (`tls://`)."""
+
+    ca: Path
+    """PEM file of the authority that signed the certificates of all nodes."""
+
+    certificate: Path
+    """PEM file of this node's certificate."""
+
+    key: Path
+    """PEM file of its key."""
+
+    def security(self) -> Security:
+        """As Dask takes it."""
+        return Security(
+            require_encryption=True,
+            tls_ca_file=str(self.ca),
+            tls_client_cert=str(self.certificate),
+            tls_client_key=str(self.key),
+            tls_scheduler_cert=str(self.certificate),
+            tls_scheduler_key=str(self.key),
+            tls_worker_cert=str(self.certificate),
+            tls_worker_key=str(self.key),
+        )
+
+
+@contextmanager
+def local_cluster(workers: int, *, threads: int = 1, memory_bytes: int | None = None) -> Iterator[Client]:
+    """Workers on this machine, which end with the context.
+
+    They talk by TLS with certificates made for the occasion: on a port without it every user of the machine could run
+    what they like as this one.
+
+    Args:
+        workers: processes.
+        threads: of each.
+        memory_bytes: most memory of each one's engine; an equal part of the machine's when None.
+    """
+    with (
+        dask.config.set(_MEMORY_SETTINGS),
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=threads,
+            memory_limit=memory_bytes or "auto",
+            security=Security.temporary(),
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",
+            local_directory=str(cache_folder() / "farm"),
+            silence_logs=40,
+        ) as cluster,
+        Client(cluster, set_as_default=False) as client,
+    ):
+        client.wait_for_workers(workers)
+        yield client
+
+
+@contextmanager
+def scheduler_client(address: str, tls: SchedulerTls | None = None) -> Iterator[Client]:
+    """A client of a scheduler that runs somewhere.
+
+    Args:
+        address: "tcp://host:8786", or "tls://host:8786" with certificates.
+        tls: the certificates.
+
+    Raises OSError when it cannot be reached, InvalidArgumentError when address and certificates don't go together.
+    """
+    if address.startswith("tls://") != (tls is not None):
+        raise InvalidArgumentError(
+            f"{address}: certificates belong to an address that begins with tls://, and it to them"
+        )
+    security = None if tls is None else tls.security()
+    with Client(address, security=security, timeout=f"{_CONNECT_SECONDS:g}s", set_as_default=False) as client:
+        yield client
+
+
+@contextmanager
+def slurm_cluster(file: Path, workers: int) -> Iterator[Client]:
+    """Workers that Slurm starts as jobs.
+
+    Args:
+        file: YAML with the arguments of `dask_jobqueue.SLURMCluster`: cores, memory, queue, walltime...
+        workers: jobs to ask for.
+
+    Raises ModuleNotFoundError without dask-jobqueue, InvalidArgumentError for a file that is no mapping.
+    """
+    require_package("dask_jobqueue", "pip install dask-jobqueue")
+    from dask_jobqueue import SLURMCluster
+
+    with SLURMCluster(**_arguments(file)) as cluster:
+        cluster.scale(jobs=workers)
+        with Client(cluster, set_as_default=False) as client:
+            yield client
+
+
+@contextmanager
+def kubernetes_cluster(file: Path, workers: int) -> Iterator[Client]:
+    """Workers that Kubernetes starts as pods, through Dask's operator.
+
+    Args:
+        file: YAML of a DaskCluster resource, or with the arguments of `dask_kubernetes.operator.KubeCluster`.
+        workers: pods to ask for.
+
+    Raises ModuleNotFoundError without dask-kubernetes, InvalidArgumentError for a file that is no mapping.
+    """
+    require_package("dask_kubernetes", "pip install dask-kubernetes")
+    from dask_kubernetes.operator import KubeCluster
+
+    arguments = _arguments(file)
+    if arguments.get("kind") == "DaskCluster":
+        arguments = {"custom_cluster_spec": arguments}
+    with KubeCluster(**arguments) as cluster:
+        cluster.scale(workers)
+        with Client(cluster, set_as_default=False) as client:
+            yield client
+
+
+def _arguments(file: Path) -> dict[str, Any]:
+    import yaml
+
+    try:
+        arguments = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except yaml.YAMLError as error:
+        raise InvalidArgumentError(f"{file}: {error}") from None
+    if not isinstance(arguments, dict):
+        raise InvalidArgumentError(f"{file}: a mapping of arguments was expected")
+    return arguments

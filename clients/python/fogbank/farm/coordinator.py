@@ -1,0 +1,405 @@
+"""Drives a leased job: has its tasks performed on Dask's workers, and hands in their results.
+
+What is computed doesn't depend on anything decided here: who performs a task, when, and how often. Dask places batches,
+moves what they need from worker to worker, and repeats those of workers that are lost.
+"""
+
+from __future__ import annotations
+
+import queue
+import time
+import uuid
+from collections import Counter, deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+from distributed import Future
+
+from fogbank._generated.v1 import farm_pb2, render_pb2
+from fogbank.channel import Connection
+from fogbank.farm.coordination import JobEnded, Leases, TaskNumber, hand_in
+from fogbank.farm.costs import Costs
+from fogbank.farm.crew import Crew
+from fogbank.farm.errors import FarmError
+from fogbank.farm.job_log import JobLog
+from fogbank.farm.parcels import Batch, BatchResult, JobIdentity, TaskKind
+from fogbank.farm.plugin import cancel_batches, close_replicas, perform
+from fogbank.farm.scene_parcel import SceneParcel
+from fogbank.farm.statistics import FarmStatistics
+
+# Batches that a worker's thread has at once: one that is performed, and one that is on its way meanwhile.
+_BATCHES_PER_SLOT = 2
+
+# Tasks and bytes of a batch's request; the wire takes 4 MiB.
+_MOST_BATCH_BYTES = 3 << 20
+_MOST_LEASED_TASKS = 1000
+
+# A batch that takes this many times as long as it should, and at least so long, is given to another worker as well.
+_STRAGGLING_FACTOR = 4.0
+_STRAGGLING_SECONDS = 2.0
+
+# How often workers are counted and stragglers looked for.
+_TICK_SECONDS = 0.5
+
+# Workers that hand in so many poisoned results are set aside.
+_MOST_POISONED = 3
+
+# Batches of a task that took their workers with them; what kills that many workers is the task.
+_MOST_DEATHS = 20
+
+_KINDS: dict[int, TaskKind] = {
+    farm_pb2.TASK_KIND_PREPARATION: "preparation",
+    farm_pb2.TASK_KIND_SURVEY: "survey",
+    farm_pb2.TASK_KIND_TILE: "tile",
+}
+_ENDED = (render_pb2.JOB_STATE_SUCCEEDED, render_pb2.JOB_STATE_FAILED, render_pb2.JOB_STATE_CANCELLED)
+
+
+@dataclass
+class _Running:
+    """A batch that was submitted."""
+
+    batch: Batch
+    future: Future[BatchResult]
+    tasks: dict[TaskNumber, farm_pb2.LeasedTask]
+    submitted: float
+    expected: float | None
+    """Seconds that it should take once it runs; None while nothing is known of such tasks."""
+
+    second: bool = False
+    """Whether it was given to a second worker, or is what the second one was given."""
+
+
+@dataclass
+class _Stage:
+    """What is known of the job's present stage."""
+
+    number: int = 0
+    tasks: int = 0
+    log_length: int = 0
+    leased: int = 0
+    pending: deque[farm_pb2.LeasedTask] = field(default_factory=deque)
+
+
+_Event: TypeAlias = "farm_pb2.LeaseTasksResponse | JobEnded | _Running"
+
+
+class Coordinator:
+    """One job's tasks on a crew of workers; `run` returns when the job has ended, however it ends."""
+
+    def __init__(
+        self, connection: Connection, job: render_pb2.Job, scene: SceneParcel, crew: Crew, *, build_id: str
+    ) -> None:
+        """Takes over a leased job.
+
+        Args:
+            connection: to the coordinating server.
+            job: as CreateJob answered.
+            scene: its files.
+            crew: the workers.
+            build_id: of the coordinating server.
+        """
+        self.statistics = FarmStatistics(scene_bytes=scene.bytes)
+        self._connection = connection
+        self._job = job
+        self._scene = scene
+        self._crew = crew
+        self._build_id = build_id
+        self._costs = Costs()
+        self._events: queue.Queue[_Event] = queue.Queue()
+        self._leasing = False
+        self._log: JobLog | None = None
+        self._stage = _Stage()
+        self._running: dict[str, _Running] = {}
+        self._wanted: dict[TaskNumber, farm_pb2.LeasedTask] = {}
+        self._deaths: Counter[TaskNumber] = Counter()
+        self._has_scene: set[str] = set()
+        self._log_lengths: dict[str, int] = {}
+        self._looked = 0.0
+
+    def run(self) -> None:
+        """Works until the job has ended. FarmError when the farm cannot go on; the job is as it was then."""
+        leases = Leases(self._connection, self._job, self._events)
+        try:
+            while True:
+                self._feed(leases)
+                events = self._next_events()
+                if not self._handle(events):
+                    return
+        finally:
+            leases.close()
+            self._drop(list(self._running.values()))
+            if self._log is not None:
+                self._crew.run(close_replicas, self._log.id)
+
+    def _next_events(self) -> list[_Event]:
+        events: list[_Event] = []
+        try:
+            events.append(self._events.get(timeout=_TICK_SECONDS))
+            while True:
+                events.append(self._events.get_nowait())
+        except queue.Empty:
+            return events
+
+    def _handle(self, events: Sequence[_Event]) -> bool:
+        for event in events:
+            if isinstance(event, JobEnded):
+                if event.error is not None:
+                    raise event.error
+                return False
+            if isinstance(event, farm_pb2.LeaseTasksResponse):
+                self._leasing = False
+                if event.state in _ENDED:
+                    return False
+                self._take(event)
+        done = [event for event in events if isinstance(event, _Running)]
+        if done:
+            self._complete(done)
+        now = time.monotonic()
+        if now - self._looked >= _TICK_SECONDS:
+            self._looked = now
+            self._look_around(now)
+        return True
+
+    def _take(self, response: farm_pb2.LeaseTasksResponse) -> None:
+        if response.log and (self._log is None or self._log.id != response.log):
+            self._begin_log(response.log)
+        if response.stage != self._stage.number:
+            self._begin_stage(response)
+        if self._log is not None and response.log_length > self._log.length:
+            self._log.read(response.log_length)
+            self.statistics.log_bytes = self._log.bytes
+        for task in response.tasks:
+            number = (task.stage, task.index)
+            if number in self._wanted:
+                continue
+            self._wanted[number] = task
+            self._stage.leased += 1
+            self._stage.pending.append(task)
+
+    def _begin_log(self, log: str) -> None:
+        """The job has begun, or begun again after its server did: nothing of before counts."""
+        self._drop(list(self._running.values()))
+        self._wanted.clear()
+        self._log_lengths.clear()
+        self._stage = _Stage()
+        self._log = JobLog(self._connection, self._job.name, log)
+
+    def _begin_stage(self, response: farm_pb2.LeaseTasksResponse) -> None:
+        self._drop([running for running in self._running.values() if min(running.tasks)[0] < response.stage])
+        self._wanted = {number: task for number, task in self._wanted.items() if number[0] >= response.stage}
+        self._stage = _Stage(number=response.stage, tasks=response.stage_tasks, log_length=response.log_length)
+
+    def _appetite(self) -> int:
+        slots = max(self._crew.slots, 1)
+        known = self._costs.seconds("tile")
+        size = 1 if known is None else self._costs.batch_size("tile", slots=slots, left=_MOST_LEASED_TASKS)
+        return min(_MOST_LEASED_TASKS, 2 * _BATCHES_PER_SLOT * slots * max(size, 4))
+
+    def _feed(self, leases: Leases[_Running]) -> None:
+        """Submits batches while there is room, and asks for tasks when those at hand run low."""
+        room = _BATCHES_PER_SLOT * max(self._crew.slots, 1)
+        while self._stage.pending and len(self._running) < room and self._crew.good:
+            self._submit(self._next_batch())
+        if not self._leasing and len(self._stage.pending) <= room // 2:
+            self._leasing = True
+            leases.ask(self._appetite())
+
+    def _next_batch(self) -> list[farm_pb2.LeasedTask]:
+        pending = self._stage.pending
+        kind = _kind(pending[0])
+        left = len(pending) + self._stage.tasks - self._stage.leased
+        size = self._costs.batch_size(kind, slots=self._crew.slots, left=left)
+        tasks: list[farm_pb2.LeasedTask] = []
+        weight = 0
+        while pending and len(tasks) < size and (not tasks or weight + len(pending[0].input) <= _MOST_BATCH_BYTES):
+            weight += len(pending[0].input)
+            tasks.append(pending.popleft())
+        return tasks
+
+    def _submit(self, tasks: Sequence[farm_pb2.LeasedTask], *, but: Sequence[str] = (), second: bool = False) -> None:
+        assert self._log is not None
+        kind = _kind(tasks[0])
+        number = f"{kind}-{uuid.uuid4().hex}"
+        identity = JobIdentity(
+            job=self._job.name,
+            scene=self._job.scene,
+            manifest=self._scene.manifest,
+            settings=self._job.settings.SerializeToString(),
+            log=self._log.id,
+            build_id=self._build_id,
+        )
+        batch = Batch(number, identity, kind, tuple(task.SerializeToString() for task in tasks), self._stage.log_length)
+        good = self._crew.good
+        behind = min((self._log_lengths.get(worker, 0) for worker in good), default=0)
+        client = self._crew.client
+        log = self._log.futures(client, behind)
+        files: list[Future[object]] = []
+        if self._has_scene.issuperset(good):
+            self._scene.release()
+        else:
+            files = self._scene.futures(client)
+        future = client.submit(
+            perform, batch, log, files, key=f"fogbank_{number}", pure=False, workers=self._crew.allowed(but=but)
+        )
+        known = self._costs.seconds(kind)
+        running = _Running(
+            batch,
+            future,
+            {(task.stage, task.index): task for task in tasks},
+            time.monotonic(),
+            None if known is None else known * len(tasks),
+            second,
+        )
+        self._running[number] = running
+        self.statistics.batches += 1
+        self.statistics.kind(kind).input_bytes += sum(len(task.input) for task in tasks)
+        future.add_done_callback(lambda _: self._events.put(running))
+
+    def _complete(self, done: Sequence[_Running]) -> None:
+        mine = [running for running in done if self._running.pop(running.batch.number, None) is not None]
+        finished = [running for running in mine if running.future.status == "finished"]
+        results: list[tuple[_Running, BatchResult]] = []
+        if finished:
+            gathered = dict(
+                self._crew.client.gather({number: item.future for number, item in enumerate(finished)}, errors="skip")
+            )
+            results = [(finished[number], result) for number, result in gathered.items()]
+        self._hand_in(results)
+        answered = {running.batch.number for running, _ in results}
+        lost = [running for running in mine if running.batch.number not in answered]
+        if lost:
+            self._recover(lost)
+
+    def _hand_in(self, results: Sequence[tuple[_Running, BatchResult]]) -> None:
+        whose: dict[TaskNumber, str] = {}
+        parts: list[farm_pb2.TaskResultPart] = []
+        for running, result in results:
+            self._learn(running, result)
+            for data in result.parts:
+                part = farm_pb2.TaskResultPart.FromString(data)
+                parts.append(part)
+                whose[part.stage, part.index] = result.worker
+        refused: dict[TaskNumber, str] = {}
+        if parts and self._log is not None:
+            ignored, refused = hand_in(self._connection, self._job.name, self._log.id, parts)
+            self.statistics.ignored += ignored
+        for part in parts:
+            number = (part.stage, part.index)
+            if part.last and number not in refused:
+                self._wanted.pop(number, None)
+        for number in refused:
+            self.statistics.poisoned += 1
+            worker = self.statistics.worker(whose[number])
+            worker.poisoned += 1
+            if worker.poisoned >= _MOST_POISONED:
+                self._set_aside(whose[number], f"{worker.poisoned} poisoned results, the last one: {refused[number]}")
+        for running, _ in results:
+            self._put_back(running)
+        # Of a batch that two workers had, the second one's is of no more use.
+        self._drop([running for running in self._running.values() if self._wanted.keys().isdisjoint(running.tasks)])
+
+    def _learn(self, running: _Running, result: BatchResult) -> None:
+        """Takes note of what the worker has, and of what its tasks cost."""
+        worker = result.worker
+        if result.lacks == "scene":
+            self._has_scene.discard(worker)
+        elif result.refusal is None:
+            self._has_scene.add(worker)
+            self._log_lengths[worker] = result.log_length
+        elif result.refusal.reason in ("BUILD_MISMATCH", "REPLICA_DIVERGED"):
+            self._set_aside(worker, result.refusal.message)
+        else:
+            # Perhaps the worker's fault, perhaps the task's: as with poisoned results a few are borne.
+            seen = self.statistics.worker(worker)
+            seen.poisoned += 1
+            if seen.poisoned >= _MOST_POISONED:
+                self._set_aside(worker, f"{result.refusal.reason}: {result.refusal.message}")
+        ends = [part for part in map(farm_pb2.TaskResultPart.FromString, result.parts) if part.last]
+        seconds = sum(part.cpu_seconds for part in ends)
+        kind = running.batch.kind
+        self._costs.learn(kind, seconds, len(ends))
+        statistics = self.statistics.kind(kind)
+        statistics.tasks += len(ends)
+        statistics.cpu_seconds += seconds
+        statistics.result_bytes += sum(len(data) for data in result.parts)
+        mine = self.statistics.worker(worker)
+        mine.tasks += len(ends)
+        mine.cpu_seconds += seconds
+
+    def _put_back(self, running: _Running) -> None:
+        """What the batch brought no good result of is done again, unless another batch is at it."""
+        if min(running.tasks)[0] != self._stage.number or (self._log and running.batch.identity.log != self._log.id):
+            return
+        elsewhere = {number for other in self._running.values() for number in other.tasks}
+        queued = {(task.stage, task.index) for task in self._stage.pending}
+        for number, task in running.tasks.items():
+            if number in self._wanted and number not in elsewhere and number not in queued:
+                self._stage.pending.appendleft(task)
+
+    def _recover(self, lost: Sequence[_Running]) -> None:
+        """Batches that Dask gave up: their workers died again and again, or the scheduler is another one."""
+        self.statistics.lost += len(lost)
+        for running in lost:
+            if running.future.status == "error":
+                self._deaths.update(running.tasks.keys())
+        worst = max(self._deaths.values(), default=0)
+        if worst > _MOST_DEATHS:
+            raise FarmError(
+                f"a task of {self._job.name} ends the workers that perform it: {lost[0].future.exception()}",
+                reason="TASK_KILLS_WORKERS",
+            )
+        if self._crew.client.status != "running" or any(running.future.cancelled() for running in lost):
+            self._crew.reconnect()
+            self._scene.release()
+            if self._log is not None:
+                self._log.submit_again()
+            # Those that were submitted to the scheduler of before are all gone; Dask reports each of them.
+        for running in lost:
+            self._put_back(running)
+
+    def _set_aside(self, worker: str, why: str) -> None:
+        self.statistics.worker(worker).set_aside = why
+        self._crew.set_aside(worker, why)
+
+    def _look_around(self, now: float) -> None:
+        if self._crew.client.status == "running":
+            self._crew.count()
+        if self._stage.pending or len(self._running) >= self._crew.slots:
+            return
+        # Some threads have nothing to do: what takes too long is given to one of them as well.
+        late = [
+            running
+            for running in self._running.values()
+            if running.expected is not None
+            and not running.second
+            and now - running.submitted > max(_STRAGGLING_SECONDS, _STRAGGLING_FACTOR * running.expected)
+        ]
+        if not late or len(self._crew.good) < 2:
+            return
+        processing = self._crew.client.processing()
+        where = {str(key): str(worker) for worker, keys in processing.items() for key in keys}
+        for running in late:
+            worker = where.get(running.future.key)
+            if worker is None:
+                continue
+            running.second = True
+            tasks = [task for number, task in running.tasks.items() if number in self._wanted]
+            if tasks:
+                self.statistics.stragglers += 1
+                self._submit(tasks, but=[worker], second=True)
+
+    def _drop(self, unwanted: Sequence[_Running]) -> None:
+        """Cancels batches, and stops those that are being performed."""
+        if not unwanted:
+            return
+        for running in unwanted:
+            self._running.pop(running.batch.number, None)
+        if self._crew.client.status == "running":
+            self._crew.client.cancel([running.future for running in unwanted], force=True)
+        self._crew.run(cancel_batches, [running.batch.number for running in unwanted])
+
+
+def _kind(task: farm_pb2.LeasedTask) -> TaskKind:
+    return _KINDS.get(task.kind, "preparation")

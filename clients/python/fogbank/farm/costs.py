@@ -1,0 +1,53 @@
+"""What tasks cost, as measured, and how many of them make a batch."""
+
+from __future__ import annotations
+
+import math
+
+from fogbank.farm.parcels import TaskKind
+
+# A batch this long keeps what Dask spends on it (some 10 ms) below 2 %, and ends soon enough to balance a stage.
+BATCH_SECONDS = 0.6
+
+# With very many workers batches get longer, so that the coordinator handles no more than this a second.
+MOST_BATCHES_PER_SECOND = 60.0
+
+# Weight of the newest measurement.
+_LEARNING = 0.3
+
+
+class Costs:
+    """Seconds that a task of each kind takes on one thread."""
+
+    def __init__(self) -> None:
+        """Knows nothing yet."""
+        self._mean: dict[TaskKind, float] = {}
+
+    def learn(self, kind: TaskKind, seconds: float, tasks: int) -> None:
+        """Takes note of `tasks` tasks that took so many seconds of one thread together."""
+        if tasks <= 0 or not math.isfinite(seconds) or seconds < 0.0:
+            return
+        measured = seconds / tasks
+        before = self._mean.get(kind)
+        self._mean[kind] = measured if before is None else before + _LEARNING * (measured - before)
+
+    def seconds(self, kind: TaskKind) -> float | None:
+        """Of one task; None before the first one."""
+        return self._mean.get(kind)
+
+    def batch_size(self, kind: TaskKind, *, slots: int, left: int) -> int:
+        """Tasks of the next batch, >= 1.
+
+        Args:
+            kind: of the tasks.
+            slots: batches that can run at once.
+            left: tasks of the stage that no batch has taken yet.
+        """
+        known = self._mean.get(kind)
+        if known is None:
+            return 1
+        target = max(BATCH_SECONDS, slots / MOST_BATCHES_PER_SECOND)
+        by_time = target / max(known, 1e-6)
+        # Guided self-scheduling: batches shrink towards the end of a stage, so that no worker is left with the rest.
+        by_rest = math.ceil(left / (2 * max(slots, 1)))
+        return max(1, min(int(by_time), by_rest))

@@ -1,0 +1,96 @@
+"""The workers of a cluster, and the connection to it."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from distributed import Client
+
+from fogbank.farm.errors import FarmError
+from fogbank.farm.plugin import FarmPlugin
+
+_log = logging.getLogger(__name__)
+
+# A scheduler that is started again, by hand or by whatever looks after it, is waited for so long.
+PATIENCE_SECONDS = 300.0
+_RETRY_SECONDS = 1.0
+
+
+class Crew:
+    """Who may be given batches.
+
+    Attributes:
+        client: to the scheduler; another one after the scheduler was lost for long.
+    """
+
+    def __init__(self, client: Client, plugin: FarmPlugin) -> None:
+        """Registers the plugin with all workers, present and future ones."""
+        self.client = client
+        self._plugin = plugin
+        self._own_client = False
+        self._address = client.scheduler_info()["address"]
+        self._security = client.security
+        self._threads: dict[str, int] = {}
+        self._aside: dict[str, str] = {}
+        client.register_plugin(plugin)
+        self.count()
+
+    def count(self) -> None:
+        """Asks the scheduler which workers there are."""
+        self._threads = {str(address): int(threads) for address, threads in self.client.nthreads().items()}
+
+    @property
+    def good(self) -> list[str]:
+        """Addresses of those that may be given batches."""
+        return [address for address in self._threads if address not in self._aside]
+
+    @property
+    def slots(self) -> int:
+        """Batches that they can perform at once."""
+        return sum(self._threads[address] for address in self.good)
+
+    def set_aside(self, worker: str, why: str) -> None:
+        """Gives a worker no more batches. FarmError when that leaves none."""
+        if worker in self._aside:
+            return
+        self._aside[worker] = why
+        _log.warning("worker %s is set aside: %s", worker, why)
+        if self._threads and not self.good:
+            raise FarmError(f"no worker is left; the last one, {worker}, was set aside: {why}", reason="NO_WORKERS")
+
+    def allowed(self, *, but: Sequence[str] = ()) -> list[str] | None:
+        """For `Client.submit`: None for all, else addresses."""
+        if not self._aside and not but:
+            return None
+        return [address for address in self.good if address not in but]
+
+    def run(self, function: Callable[..., object], *arguments: Any) -> None:  # noqa: ANN401 - the function's own
+        """Runs a function on all workers at once, whatever they do; does not wait, and is not told of failures."""
+        if self.client.status == "running":
+            self.client.run(function, *arguments, wait=False, on_error="ignore")
+
+    def reconnect(self) -> None:
+        """Waits for the scheduler to be there, again or anew. FarmError after PATIENCE_SECONDS."""
+        end = time.monotonic() + PATIENCE_SECONDS
+        while True:
+            try:
+                if self.client.status == "closed":
+                    self.client = Client(self._address, security=self._security, set_as_default=False, timeout="10s")
+                    self._own_client = True
+                self.client.register_plugin(self._plugin)
+                self.count()
+                return
+            except (OSError, ValueError, RuntimeError) as error:
+                if time.monotonic() > end:
+                    raise FarmError(
+                        f"the scheduler at {self._address} is gone: {error}", reason="SCHEDULER_LOST"
+                    ) from None
+                time.sleep(_RETRY_SECONDS)
+
+    def close(self) -> None:
+        """Closes the client if it is not the user's."""
+        if self._own_client:
+            self.client.close()

@@ -1,0 +1,114 @@
+"""Jobs that a farm performs."""
+
+from __future__ import annotations
+
+import threading
+from typing import Unpack
+
+from distributed import Client
+from distributed.deploy.cluster import Cluster
+
+from fogbank._generated.v1 import render_pb2, server_pb2
+from fogbank.channel import Connection
+from fogbank.errors import FogbankError
+from fogbank.farm.coordinator import Coordinator
+from fogbank.farm.crew import Crew
+from fogbank.farm.plugin import FarmPlugin
+from fogbank.farm.published import Publisher
+from fogbank.farm.scene_parcel import SceneParcel
+from fogbank.farm.statistics import FarmStatistics
+from fogbank.job import Job, Priority
+from fogbank.scene import Scene
+from fogbank.settings import RenderOptions
+
+
+class FarmJob(Job):
+    """A job whose tasks a cluster performs: to all who look at it a job like any other.
+
+    It needs this program as the go-between: while nobody leases its tasks it waits.
+    """
+
+    def __init__(self, connection: Connection, message: render_pb2.Job, coordinator: Coordinator, crew: Crew) -> None:
+        """Made by `fogbank.farm.render`, not by users. Begins at once, in a thread of its own."""
+        super().__init__(connection, message)
+        self._coordinator = coordinator
+        self._crew = crew
+        self._failure: FogbankError | None = None
+        self._thread = threading.Thread(target=self._run, name=f"fogbank-farm {self.name}", daemon=True)
+        self._thread.start()
+
+    @property
+    def farm(self) -> FarmStatistics:
+        """What the farm did for it so far."""
+        return self._coordinator.statistics
+
+    @property
+    def error(self) -> FogbankError | None:
+        """Why it failed or was cancelled: FarmError where that was the farm's doing; None for any other state."""
+        if self._failure is not None and self.ended:
+            return self._failure
+        return super().error
+
+    def join_farm(self, timeout: float | None = None) -> None:
+        """Waits until the farm has let go of the job, at most `timeout` seconds: a moment after its end."""
+        self._thread.join(timeout)
+
+    def _run(self) -> None:
+        publisher = Publisher(self._crew, self.name, self._coordinator.statistics)
+        try:
+            publisher.start()
+            self._coordinator.run()
+        except FogbankError as error:
+            self._failure = error
+        except Exception as error:
+            self._failure = FogbankError(f"the farm of {self.name} failed: {type(error).__name__}: {error}")
+        finally:
+            if self._failure is not None:
+                self._cancel_quietly()
+            publisher.stop()
+            self._crew.close()
+
+    def _cancel_quietly(self) -> None:
+        try:
+            self._connection.call(
+                lambda stubs: stubs.render.CancelJob, render_pb2.CancelJobRequest(name=self.name), timeout=10.0
+            )
+        except FogbankError:
+            # The server is gone as well, which is what the job's watchers hear.
+            return
+
+
+def render(
+    scene: Scene,
+    cluster: Client | Cluster,
+    *,
+    worker_threads: int | None = None,
+    worker_memory_bytes: int | None = None,
+    request_id: str | None = None,
+    priority: Priority = "normal",
+    **options: Unpack[RenderOptions],
+) -> FarmJob:
+    """Renders a scene on all workers of a Dask cluster, and returns at once.
+
+    The server that has the scene coordinates and traces nothing; the picture is, bit for bit, the one that it would
+    make by itself. Where options leave open when to end (`time_budget`), that depends on the machines, as always.
+
+    Args:
+        scene: loaded with `Service.load`, whose files are sent to workers that lack them.
+        cluster: a `dask.distributed.Client`, or a cluster, which gets a client.
+        worker_threads: render threads of each worker; the worker's own number when None.
+        worker_memory_bytes: most memory of each worker's server; the worker's own limit when None.
+        request_id: as for `Scene.render`.
+        priority: as for `Scene.render`.
+        options: as for `Scene.render`.
+
+    Raises what `Scene.render` does, and FarmError for a scene whose files are not on this machine.
+    """
+    client = cluster if isinstance(cluster, Client) else Client(cluster, set_as_default=False)
+    parcel = SceneParcel(scene)
+    crew = Crew(client, FarmPlugin(threads=worker_threads, memory_bytes=worker_memory_bytes))
+    connection = scene.connection
+    capabilities = connection.call(lambda stubs: stubs.server.GetCapabilities, server_pb2.GetCapabilitiesRequest())
+    message = scene.create_job(options, request_id=request_id, priority=priority, leased=True)
+    coordinator = Coordinator(connection, message, parcel, crew, build_id=capabilities.build_id)
+    return FarmJob(connection, message, coordinator, crew)

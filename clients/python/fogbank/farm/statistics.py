@@ -1,0 +1,89 @@
+"""What a farm did for a job."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from fogbank.farm.parcels import TaskKind
+
+
+@dataclass
+class KindStatistics:
+    """Tasks of one kind."""
+
+    tasks: int = 0
+    """Results that were accepted."""
+
+    cpu_seconds: float = 0.0
+    """On the workers."""
+
+    input_bytes: int = 0
+    """Sent to workers with the tasks."""
+
+    result_bytes: int = 0
+    """Sent back."""
+
+
+@dataclass
+class WorkerStatistics:
+    """What one worker did."""
+
+    tasks: int = 0
+    """Results of it that were handed in."""
+
+    cpu_seconds: float = 0.0
+    """Of these."""
+
+    poisoned: int = 0
+    """Results that were refused."""
+
+    set_aside: str = ""
+    """Why it gets no more batches; empty while it does."""
+
+
+@dataclass
+class FarmStatistics:
+    """What a farm did for a job, so far."""
+
+    kinds: dict[TaskKind, KindStatistics] = field(default_factory=dict)
+    """By kind of task."""
+
+    workers: dict[str, WorkerStatistics] = field(default_factory=dict)
+    """By address, lost ones included."""
+
+    batches: int = 0
+    """Submitted."""
+
+    stragglers: int = 0
+    """Batches that were given to a second worker because the first one took long."""
+
+    lost: int = 0
+    """Batches that were submitted again because their worker or the scheduler was lost."""
+
+    ignored: int = 0
+    """Results that came late or twice."""
+
+    poisoned: int = 0
+    """Results that were refused."""
+
+    log_bytes: int = 0
+    """Of the job's log: what every worker needs to follow it, most of all records."""
+
+    scene_bytes: int = 0
+    """Of the scene's files, which every worker gets once."""
+
+    records: int = 0
+    """Records that the job could read in the end."""
+
+    def kind(self, kind: TaskKind) -> KindStatistics:
+        """Of one kind."""
+        return self.kinds.setdefault(kind, KindStatistics())
+
+    def worker(self, address: str) -> WorkerStatistics:
+        """Of one worker."""
+        return self.workers.setdefault(address, WorkerStatistics())
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON takes it."""
+        return asdict(self)
