@@ -9,7 +9,7 @@ python := .venv/bin/python
 export FOGBANK_SERVER_BINARY := $(CURDIR)/$(build_folder)/bin/fogbankd
 
 .DEFAULT_GOAL := help
-.PHONY: help setup stubs build demo test test-faults install bench evidence watch stability soak format lint lock clean
+.PHONY: help setup stubs build demo test test-faults test-farm install bench evidence watch stability soak format lint lock clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{ printf "make %-11s %s\n", $$1, $$2 }'
@@ -33,6 +33,9 @@ test: build ## build, then every test: C++ units, Python (clients, service, orac
 
 test-faults: build ## fault tests at full length: a table of test, figure, bound, verdict
 	@FOGBANK_KILLS=50 $(python) -m pytest tests/faults
+
+test-farm: build ## the farm's tests at full length: lost workers, restarts, slow links; a table of figures
+	@$(python) -m pytest tests/farm -m "not soak"
 
 install: build ## link the fogbank command into PREFIX/bin (default /usr/local)
 	@mkdir -p $(DESTDIR)$(PREFIX)/bin

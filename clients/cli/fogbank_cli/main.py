@@ -17,6 +17,7 @@ from fogbank import FogbankError
 from fogbank_cli.cache import cache
 from fogbank_cli.compare import compare
 from fogbank_cli.exit_codes import ExitCode, exit_code, help_table
+from fogbank_cli.farm import farm
 from fogbank_cli.job import job
 from fogbank_cli.join import join
 from fogbank_cli.openjd import openjd
@@ -36,6 +37,7 @@ from fogbank_cli.token import token
 COMMANDS: tuple[click.Command, ...] = (
     render,
     sweep,
+    farm,
     join,
     openjd,
     probe,

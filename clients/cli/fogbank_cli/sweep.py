@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Unpack
@@ -96,7 +96,11 @@ def sweep(
             report = fill(loaded.cache, path, output, fill_options(options))
             totals.fill(report)
             options["epoch"] = report.epoch
-        render_frames(loaded, todo, options, output, totals, in_flight=in_flight, exposure=exposure)
+
+        def start(frame_settings: RenderOptions) -> fogbank.Job:
+            return loaded.render(**frame_settings)
+
+        render_frames(start, todo, options, output, totals, in_flight=in_flight, exposure=exposure)
     output.event("done", **vars(totals))
     output.text(totals.summary())
 
@@ -166,7 +170,7 @@ def fill_options(options: RenderOptions) -> RenderOptions:
 
 
 def render_frames(
-    scene: fogbank.Scene,
+    start: Callable[[RenderOptions], fogbank.Job],
     frames: Sequence[Frame],
     options: RenderOptions,
     output: Output,
@@ -175,14 +179,24 @@ def render_frames(
     in_flight: int,
     exposure: float,
 ) -> None:
-    """Renders the frames in their order, a few jobs ahead; cancels what is left when one of them fails."""
+    """Renders the frames in their order, a few jobs ahead; cancels what is left when one of them fails.
+
+    Args:
+        start: starts a job with these options.
+        frames: the frames.
+        options: what they share.
+        output: where events and results go.
+        totals: counts the frames.
+        in_flight: jobs at once.
+        exposure: stops, for .png files.
+    """
     waiting = deque(frames)
     running: deque[tuple[Frame, fogbank.Job]] = deque()
     try:
         while waiting or running:
             while waiting and len(running) < in_flight:
                 frame = waiting.popleft()
-                job = scene.render(**RenderOptions(**{**options, "camera": frame.camera}))
+                job = start(RenderOptions(**{**options, "camera": frame.camera}))
                 output.event("job", frame=frame.number, job=job.name, settings=job.settings)
                 running.append((frame, job))
             frame, job = running[0]

@@ -8,7 +8,7 @@ with fogbank.connect() as service, fogbank.farm.local_cluster(4) as client:
 Needs the extra `farm`: pip install 'fogbank[farm]'.
 """
 
-from fogbank.farm.extras import require_extra
+from fogbank.farm_extra import require_extra
 
 require_extra()
 

@@ -12,7 +12,7 @@ import dask
 from distributed import Client, LocalCluster, Security
 
 from fogbank.errors import InvalidArgumentError
-from fogbank.farm.extras import require_package
+from fogbank.farm_extra import require_package
 from fogbank.paths import cache_folder
 
 # Of a scheduler that is just being started.

@@ -379,7 +379,7 @@ class Coordinator:
         if not late or len(self._crew.good) < 2:
             return
         processing = self._crew.client.processing()
-        where = {str(key): str(worker) for worker, keys in processing.items() for key in keys}
+        where: dict[object, str] = {key: str(worker) for worker, keys in processing.items() for key in keys}
         for running in late:
             worker = where.get(running.future.key)
             if worker is None:

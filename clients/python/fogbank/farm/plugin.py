@@ -70,14 +70,11 @@ def close_replicas(log: str, dask_worker: Worker) -> None:
 def worker_report(dask_worker: Worker) -> WorkerReport | None:
     """How a worker's engine is doing; None for a worker that was never used."""
     plugin = dask_worker.plugins.get(NAME)
-    return None if plugin is None or plugin.engine is None else plugin.engine.report()
+    return plugin.engine.report() if isinstance(plugin, FarmPlugin) and plugin.engine is not None else None
 
 
 def _engine(worker: Worker) -> Engine:
     plugin = worker.plugins.get(NAME)
-    if plugin is None:
-        # A worker that joins while the plugin is being registered may miss it (dask/distributed issue 7035).
-        plugin = worker.plugins.setdefault(NAME, FarmPlugin())
-        plugin.setup(worker)
-    engine: Engine = plugin.engine
-    return engine
+    if not isinstance(plugin, FarmPlugin) or plugin.engine is None:
+        raise RuntimeError(f"{worker.address} has not got the plugin {NAME}")
+    return plugin.engine

@@ -1,0 +1,62 @@
+"""Fixtures of the farm's tests: a coordinating server, clusters, and a table of figures at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import fogbank
+import pytest
+from fogbank.paths import server_binary
+
+Record = Callable[[str, float, str], None]
+
+_FIGURES = pytest.StashKey[list[tuple[str, str, float, str]]]()
+
+try:
+    server_binary()
+except fogbank.ServerStartError as absence:
+    _NO_SERVER = str(absence)
+else:
+    _NO_SERVER = ""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """A table without rows."""
+    config.stash[_FIGURES] = []
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Prints the table."""
+    rows = config.stash[_FIGURES]
+    if not rows:
+        return
+    terminalreporter.section("farm")
+    for test, what, figure, unit in rows:
+        terminalreporter.write_line(f"{test:<44}{what:<44}{figure:>12.4g} {unit}")
+
+
+@pytest.fixture
+def record(request: pytest.FixtureRequest) -> Record:
+    """Puts a figure into the table: what, how much, of which unit. Times are put down and never asserted."""
+
+    def add(what: str, figure: float, unit: str) -> None:
+        request.config.stash[_FIGURES].append((request.node.name, what, figure, unit))
+
+    return add
+
+
+@pytest.fixture(autouse=True)
+def own_folders(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keeps the user's cache folder and settings out of the tests; skips where there is no server."""
+    if _NO_SERVER:
+        pytest.skip(f"NOT TESTED, no server: {_NO_SERVER}")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+    for variable in ("FOGBANK_DATA", "FOGBANK_SERVER", "FOGBANK_SCHEDULER"):
+        monkeypatch.delenv(variable, raising=False)
+
+
+@pytest.fixture
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[fogbank.Service]:
+    """A coordinating server with an empty cache."""
+    with fogbank.connect(data=tmp_path_factory.mktemp("data"), threads=2) as service:
+        yield service

@@ -1,0 +1,134 @@
+"""The short part of the farm's tests: two local workers make one machine's pictures. `make test-farm` does the rest."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import fogbank
+import pytest
+from distributed import Client
+from fogbank import RenderOptions, farm
+from fogbank.farm.coordinator import Coordinator
+from fogbank.farm.costs import BATCH_SECONDS, Costs
+
+from tests.farm.conftest import Record
+from tests.farm.scenes import BEAMS, PATHS, RECORDS, assert_same_pictures, write_scene
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
+    """Two workers of one thread."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("workers")))
+        with farm.local_cluster(2) as client:
+            yield client
+
+
+def alone(tmp_path: Path, scene: Path, options: RenderOptions) -> tuple[fogbank.Image, int]:
+    """The picture by a server that has no farm and an empty cache, and the records that it made."""
+    with fogbank.connect(data=tmp_path / "alone", threads=2) as service:
+        job = service.load(scene).render(**options)
+        image = job.result()
+        assert job.statistics is not None
+        return image, job.statistics.records_new
+
+
+@pytest.mark.parametrize("options", [PATHS, RECORDS, BEAMS], ids=["volpath", "radiance-cache", "photon-beams"])
+def test_a_farm_makes_the_pictures_of_one_machine(
+    service: fogbank.Service, cluster: Client, tmp_path: Path, record: Record, options: RenderOptions
+) -> None:
+    path = write_scene(tmp_path / "scene")
+    job = farm.render(service.load(path), cluster, **options)
+    tiles = list(job.tiles())
+    image = job.result()
+    job.join_farm()
+    expected, records = alone(tmp_path, path, options)
+    assert_same_pictures(image, expected)
+    assert tiles
+    assert job.statistics is not None
+    assert job.statistics.records_new == records
+    statistics = job.farm
+    assert statistics.poisoned == statistics.lost == 0
+    assert statistics.kinds["tile"].tasks > 0
+    for kind, figures in statistics.kinds.items():
+        if figures.tasks:
+            moved = figures.input_bytes + figures.result_bytes
+            record(f"bytes moved for each {kind} task", moved / figures.tasks, "B")
+    if records:
+        record("bytes of the log for each record", statistics.log_bytes / records, "B")
+
+
+def test_records_that_are_there_are_sent(service: fogbank.Service, cluster: Client, tmp_path: Path) -> None:
+    scene = service.load(write_scene(tmp_path / "scene"))
+    first = farm.render(scene, cluster, **RECORDS)
+    first.result()
+    second = farm.render(scene, cluster, **RECORDS)
+    expected = scene.render(**RECORDS)
+    assert_same_pictures(second.result(), expected.result())
+    assert second.statistics is not None
+    assert second.statistics.records_new == 0
+    first.join_farm()
+    second.join_farm()
+
+
+def test_a_cancelled_job_leaves_the_workers_free(
+    service: fogbank.Service, cluster: Client, tmp_path: Path, record: Record
+) -> None:
+    options = RenderOptions(**{**PATHS, "spp": 4096, "tile_size": 64})
+    job = farm.render(service.load(write_scene(tmp_path / "scene")), cluster, **options)
+    while not any(worker.engine and worker.engine.running for worker in farm.farm_status(cluster).workers):
+        time.sleep(0.02)
+    began = time.monotonic()
+    job.cancel()
+    while any(worker.engine and worker.engine.running for worker in farm.farm_status(cluster).workers):
+        time.sleep(0.02)
+    record("from the cancellation until workers are free", time.monotonic() - began, "s")
+    with pytest.raises(fogbank.JobCancelledError):
+        job.result()
+    job.join_farm()
+
+
+def test_a_worker_of_another_build_is_refused(
+    service: fogbank.Service, cluster: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begin = Coordinator.__init__
+
+    def other_build(self: Coordinator, *arguments: object, build_id: str) -> None:
+        begin(self, *arguments, build_id="another")  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Coordinator, "__init__", other_build)
+    job = farm.render(service.load(write_scene(tmp_path / "scene")), cluster, **PATHS)
+    with pytest.raises(farm.FarmError, match="build") as refused:
+        job.result()
+    assert refused.value.reason == "NO_WORKERS"
+    job.join_farm()
+
+
+def test_status_tells_of_workers_and_jobs(service: fogbank.Service, cluster: Client, tmp_path: Path) -> None:
+    job = farm.render(service.load(write_scene(tmp_path / "scene")), cluster, **PATHS)
+    job.result()
+    job.join_farm()
+    status = farm.farm_status(cluster)
+    assert len(status.workers) == 2
+    assert all(worker.engine is not None and worker.engine.threads == 1 for worker in status.workers)
+    assert status.jobs[job.name]["ended"]
+    assert status.jobs[job.name]["farm"]["kinds"]["tile"]["tasks"] == job.farm.kinds["tile"].tasks
+
+
+def test_a_scene_without_its_files_is_refused(service: fogbank.Service, cluster: Client, tmp_path: Path) -> None:
+    name = service.load(write_scene(tmp_path / "scene")).name
+    with pytest.raises(farm.FarmError, match=r"Service\.load"):
+        farm.render(service.scene(name), cluster, **PATHS)
+
+
+def test_batches_follow_what_tasks_cost() -> None:
+    costs = Costs()
+    assert costs.batch_size("tile", slots=4, left=1000) == 1, "nothing is known yet"
+    costs.learn("tile", 1.0, 100)
+    assert costs.batch_size("tile", slots=4, left=10_000) == int(BATCH_SECONDS / 0.01)
+    assert costs.batch_size("tile", slots=4, left=16) == 2, "the end of a stage is shared out"
+    costs.learn("tile", float("nan"), 3)
+    assert costs.seconds("tile") == pytest.approx(0.01)
+    assert costs.batch_size("tile", slots=1000, left=10**7) > int(BATCH_SECONDS / 0.01), "fewer messages of very many"
