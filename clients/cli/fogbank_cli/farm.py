@@ -199,7 +199,9 @@ def status(
 def report_cluster(client: Client, output: Output) -> None:
     """Says where the work goes."""
     workers = client.nthreads()
-    output.event("cluster", scheduler=client.scheduler_info()["address"], dashboard=client.dashboard_link, workers=workers)
+    output.event(
+        "cluster", scheduler=client.scheduler_info()["address"], dashboard=client.dashboard_link, workers=workers
+    )
     if not output.as_json:
         where = f", dashboard {client.dashboard_link}" if client.dashboard_link else ""
         output.note(f"{len(workers)} workers of {sum(workers.values())} threads{where}")

@@ -26,7 +26,7 @@ from fogbank.farm.job_log import JobLog
 from fogbank.farm.parcels import Batch, BatchResult, JobIdentity, TaskKind
 from fogbank.farm.plugin import cancel_batches, close_replicas, perform
 from fogbank.farm.scene_parcel import SceneParcel
-from fogbank.farm.statistics import FarmStatistics
+from fogbank.farm.statistics import FarmStatistics, StageStatistics, TaskStatistics
 
 # Batches that a worker's thread has at once: one that is performed, and one that is on its way meanwhile.
 _BATCHES_PER_SLOT = 2
@@ -79,6 +79,7 @@ class _Stage:
     tasks: int = 0
     log_length: int = 0
     leased: int = 0
+    begun: float = 0.0
     pending: deque[farm_pb2.LeasedTask] = field(default_factory=deque)
 
 
@@ -168,8 +169,10 @@ class Coordinator:
         if response.stage != self._stage.number:
             self._begin_stage(response)
         if self._log is not None and response.log_length > self._log.length:
+            before = self._log.bytes
             self._log.read(response.log_length)
-            self.statistics.log_bytes = self._log.bytes
+            self.statistics.log_bytes += self._log.bytes - before
+            self.statistics.stages[-1].log_bytes += self._log.bytes - before
         for task in response.tasks:
             number = (task.stage, task.index)
             if number in self._wanted:
@@ -184,12 +187,17 @@ class Coordinator:
         self._wanted.clear()
         self._log_lengths.clear()
         self._stage = _Stage()
+        self.statistics.stages.clear()
         self._log = JobLog(self._connection, self._job.name, log)
 
     def _begin_stage(self, response: farm_pb2.LeaseTasksResponse) -> None:
         self._drop([running for running in self._running.values() if min(running.tasks)[0] < response.stage])
         self._wanted = {number: task for number, task in self._wanted.items() if number[0] >= response.stage}
-        self._stage = _Stage(number=response.stage, tasks=response.stage_tasks, log_length=response.log_length)
+        now = time.monotonic()
+        if self.statistics.stages:
+            self.statistics.stages[-1].seconds = now - self._stage.begun
+        self._stage = _Stage(response.stage, response.stage_tasks, response.log_length, begun=now)
+        self.statistics.stages.append(StageStatistics(number=response.stage, tasks=response.stage_tasks))
 
     def _appetite(self) -> int:
         slots = max(self._crew.slots, 1)
@@ -254,7 +262,9 @@ class Coordinator:
         )
         self._running[number] = running
         self.statistics.batches += 1
-        self.statistics.kind(kind).input_bytes += sum(len(task.input) for task in tasks)
+        for figures in self._figures(kind, self._stage.number):
+            figures.input_bytes += sum(len(task.input) for task in tasks)
+        self.statistics.stages[-1].kind = kind
         future.add_done_callback(lambda _: self._events.put(running))
 
     def _complete(self, done: Sequence[_Running]) -> None:
@@ -320,13 +330,17 @@ class Coordinator:
         seconds = sum(part.cpu_seconds for part in ends)
         kind = running.batch.kind
         self._costs.learn(kind, seconds, len(ends))
-        statistics = self.statistics.kind(kind)
-        statistics.tasks += len(ends)
-        statistics.cpu_seconds += seconds
-        statistics.result_bytes += sum(len(data) for data in result.parts)
+        self.statistics.kind(kind).tasks += len(ends)
+        for figures in self._figures(running.batch.kind, min(running.tasks)[0]):
+            figures.cpu_seconds += seconds
+            figures.result_bytes += sum(len(data) for data in result.parts)
         mine = self.statistics.worker(worker)
         mine.tasks += len(ends)
         mine.cpu_seconds += seconds
+
+    def _figures(self, kind: TaskKind, stage: int) -> list[TaskStatistics]:
+        """What tasks of a kind and stage are counted in."""
+        return [self.statistics.kind(kind), *(one for one in self.statistics.stages if one.number == stage)]
 
     def _put_back(self, running: _Running) -> None:
         """What the batch brought no good result of is done again, unless another batch is at it."""

@@ -9,6 +9,7 @@ from distributed import Client
 from distributed.deploy.cluster import Cluster
 
 from fogbank._generated.v1 import render_pb2, server_pb2
+from fogbank.capabilities import Capabilities
 from fogbank.channel import Connection
 from fogbank.errors import FogbankError
 from fogbank.farm.coordinator import Coordinator
@@ -20,6 +21,11 @@ from fogbank.farm.statistics import FarmStatistics
 from fogbank.job import Job, Priority
 from fogbank.scene import Scene
 from fogbank.settings import RenderOptions
+
+# Tiles that a pass should have for each thread, so that all end at about the same time; and the side of a tile below
+# which handing it around costs more than that.
+_TILES_PER_SLOT = 8
+_SMALLEST_TILE = 16
 
 
 class FarmJob(Job):
@@ -109,6 +115,20 @@ def render(
     crew = Crew(client, FarmPlugin(threads=worker_threads, memory_bytes=worker_memory_bytes))
     connection = scene.connection
     capabilities = connection.call(lambda stubs: stubs.server.GetCapabilities, server_pb2.GetCapabilitiesRequest())
+    if options.get("tile_size") is None:
+        options["tile_size"] = _tile_size(scene, options, crew.slots, Capabilities.from_message(capabilities))
     message = scene.create_job(options, request_id=request_id, priority=priority, leased=True)
     coordinator = Coordinator(connection, message, parcel, crew, build_id=capabilities.build_id)
     return FarmJob(connection, message, coordinator, crew)
+
+
+def _tile_size(scene: Scene, options: RenderOptions, slots: int, capabilities: Capabilities) -> int:
+    """Side of the tiles in pixels, which never changes a picture: smaller ones for more workers."""
+    limits = {name: int(limit.value) for name, limit in capabilities.limits.items()}
+    width, height = options.get("size") or scene.defaults.size
+    crop = options.get("crop")
+    pixels = crop[2] * crop[3] if crop is not None else (width or height or 1) * (height or width or 1)
+    side = limits["default_tile_size"]
+    while side > max(_SMALLEST_TILE, limits["min_tile_size"]) and pixels < _TILES_PER_SLOT * slots * side * side:
+        side //= 2
+    return side

@@ -9,11 +9,11 @@ from fogbank.farm.parcels import TaskKind
 
 
 @dataclass
-class KindStatistics:
-    """Tasks of one kind."""
+class TaskStatistics:
+    """Some of a job's tasks."""
 
     tasks: int = 0
-    """Results that were accepted."""
+    """How many."""
 
     cpu_seconds: float = 0.0
     """On the workers."""
@@ -43,11 +43,28 @@ class WorkerStatistics:
 
 
 @dataclass
+class StageStatistics(TaskStatistics):
+    """Tasks that are independent of each other: a round of a preparation, or a pass."""
+
+    number: int = 0
+    """As the job counts them."""
+
+    kind: TaskKind | None = None
+    """Of its tasks; None before the first one is known."""
+
+    log_bytes: int = 0
+    """Of log entries that replicas need for this stage and did not for the one before."""
+
+    seconds: float = 0.0
+    """Wall-clock time from its first task to the next stage; 0 while it lasts."""
+
+
+@dataclass
 class FarmStatistics:
     """What a farm did for a job, so far."""
 
-    kinds: dict[TaskKind, KindStatistics] = field(default_factory=dict)
-    """By kind of task."""
+    kinds: dict[TaskKind, TaskStatistics] = field(default_factory=dict)
+    """Tasks by kind; of these `tasks` counts results, repeated ones included."""
 
     workers: dict[str, WorkerStatistics] = field(default_factory=dict)
     """By address, lost ones included."""
@@ -73,12 +90,12 @@ class FarmStatistics:
     scene_bytes: int = 0
     """Of the scene's files, which every worker gets once."""
 
-    records: int = 0
-    """Records that the job could read in the end."""
+    stages: list[StageStatistics] = field(default_factory=list)
+    """In their order; of the job's present life."""
 
-    def kind(self, kind: TaskKind) -> KindStatistics:
+    def kind(self, kind: TaskKind) -> TaskStatistics:
         """Of one kind."""
-        return self.kinds.setdefault(kind, KindStatistics())
+        return self.kinds.setdefault(kind, TaskStatistics())
 
     def worker(self, address: str) -> WorkerStatistics:
         """Of one worker."""
