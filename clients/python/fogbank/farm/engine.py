@@ -53,6 +53,8 @@ class Engine:
         self._threads = threads
         self._memory_bytes = memory_bytes
         self._lock = threading.Lock()
+        # Apart, so that nothing that takes long can hold up a cancellation.
+        self._calls_lock = threading.Lock()
         self._service: Service | None = None
         self._replicas: dict[JobIdentity, tuple[str, int]] = {}
         self._calls: dict[str, grpc.Call] = {}
@@ -96,8 +98,8 @@ class Engine:
             self._report.running.remove(batch.number)
 
     def cancel(self, numbers: Sequence[str]) -> None:
-        """Stops batches that are being performed; those that are not are remembered, should they come yet."""
-        with self._lock:
+        """Stops batches; those that are not being performed yet are stopped when they begin."""
+        with self._calls_lock:
             self._cancelled.update(numbers)
             calls = [self._calls[number] for number in numbers if number in self._calls]
         for call in calls:
@@ -227,7 +229,7 @@ class Engine:
             tasks=[farm_pb2.LeasedTask.FromString(task) for task in batch.tasks],
         )
         call = service.connection.stubs.farm.PerformTasks(request)
-        with self._lock:
+        with self._calls_lock:
             self._calls[batch.number] = call
             if batch.number in self._cancelled:
                 call.cancel()
@@ -242,7 +244,7 @@ class Engine:
         except grpc.RpcError as error:
             raise service.connection.translate(error) from None
         finally:
-            with self._lock:
+            with self._calls_lock:
                 del self._calls[batch.number]
                 self._cancelled.discard(batch.number)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -57,14 +58,14 @@ def perform(batch: Batch, log: Sequence[LogSegment], files: Sequence[FilePiece])
     return _engine(get_worker()).perform(batch, log, files)
 
 
-def cancel_batches(numbers: Sequence[str], dask_worker: Worker) -> None:
+async def cancel_batches(numbers: Sequence[str], dask_worker: Worker) -> None:
     """Stops batches on a worker, whatever its threads do."""
-    _engine(dask_worker).cancel(numbers)
+    await asyncio.to_thread(_engine(dask_worker).cancel, numbers)
 
 
-def close_replicas(log: str, dask_worker: Worker) -> None:
+async def close_replicas(log: str, dask_worker: Worker) -> None:
     """Closes the replicas of a job on a worker."""
-    _engine(dask_worker).close_replica(log)
+    await asyncio.to_thread(_engine(dask_worker).close_replica, log)
 
 
 def worker_report(dask_worker: Worker) -> WorkerReport | None:
