@@ -6,6 +6,7 @@ moves what they need from worker to worker, and repeats those of workers that ar
 
 from __future__ import annotations
 
+import contextlib
 import queue
 import time
 import uuid
@@ -20,13 +21,13 @@ from fogbank._generated.v1 import farm_pb2, render_pb2
 from fogbank.channel import Connection
 from fogbank.farm.coordination import JobEnded, Leases, TaskNumber, hand_in
 from fogbank.farm.costs import Costs
-from fogbank.farm.crew import Crew
+from fogbank.farm.crew import SCHEDULER_ERRORS, Crew
 from fogbank.farm.errors import FarmError
 from fogbank.farm.job_log import JobLog
 from fogbank.farm.parcels import Batch, BatchResult, JobIdentity, TaskKind
 from fogbank.farm.plugin import cancel_batches, close_replicas, perform
 from fogbank.farm.scene_parcel import SceneParcel
-from fogbank.farm.statistics import FarmStatistics, StageStatistics, TaskStatistics
+from fogbank.farm.statistics import FarmStatistics, StageStatistics
 
 # Batches that a worker's thread has at once: one that is performed, and one that is on its way meanwhile.
 _BATCHES_PER_SLOT = 2
@@ -209,7 +210,12 @@ class Coordinator:
         """Submits batches while there is room, and asks for tasks when those at hand run low."""
         room = _BATCHES_PER_SLOT * max(self._crew.slots, 1)
         while self._stage.pending and len(self._running) < room and self._crew.good:
-            self._submit(self._next_batch())
+            tasks = self._next_batch()
+            try:
+                self._submit(tasks)
+            except SCHEDULER_ERRORS:
+                self._stage.pending.extendleft(reversed(tasks))
+                self._reconnect()
         if not self._leasing and len(self._stage.pending) <= room // 2:
             self._leasing = True
             leases.ask(self._appetite())
@@ -261,24 +267,15 @@ class Coordinator:
             second,
         )
         self._running[number] = running
-        self.statistics.batches += 1
-        for figures in self._figures(kind, self._stage.number):
-            figures.input_bytes += sum(len(task.input) for task in tasks)
-        self.statistics.stages[-1].kind = kind
+        self.statistics.count_batch(kind, self._stage.number, sum(len(task.input) for task in tasks))
         future.add_done_callback(lambda _: self._events.put(running))
 
     def _complete(self, done: Sequence[_Running]) -> None:
         mine = [running for running in done if self._running.pop(running.batch.number, None) is not None]
-        finished = [running for running in mine if running.future.status == "finished"]
-        results: list[tuple[_Running, BatchResult]] = []
-        if finished:
-            gathered = dict(
-                self._crew.client.gather({number: item.future for number, item in enumerate(finished)}, errors="skip")
-            )
-            results = [(finished[number], result) for number, result in gathered.items()]
-        self._hand_in(results)
-        answered = {running.batch.number for running, _ in results}
-        lost = [running for running in mine if running.batch.number not in answered]
+        finished = {running.batch.number: running.future for running in mine if running.future.status == "finished"}
+        results = self._crew.gather(finished)
+        self._hand_in([(running, results[running.batch.number]) for running in mine if running.batch.number in results])
+        lost = [running for running in mine if running.batch.number not in results]
         if lost:
             self._recover(lost)
 
@@ -328,19 +325,9 @@ class Coordinator:
                 self._set_aside(worker, f"{result.refusal.reason}: {result.refusal.message}")
         ends = [part for part in map(farm_pb2.TaskResultPart.FromString, result.parts) if part.last]
         seconds = sum(part.cpu_seconds for part in ends)
-        kind = running.batch.kind
-        self._costs.learn(kind, seconds, len(ends))
-        self.statistics.kind(kind).tasks += len(ends)
-        for figures in self._figures(running.batch.kind, min(running.tasks)[0]):
-            figures.cpu_seconds += seconds
-            figures.result_bytes += sum(len(data) for data in result.parts)
-        mine = self.statistics.worker(worker)
-        mine.tasks += len(ends)
-        mine.cpu_seconds += seconds
-
-    def _figures(self, kind: TaskKind, stage: int) -> list[TaskStatistics]:
-        """What tasks of a kind and stage are counted in."""
-        return [self.statistics.kind(kind), *(one for one in self.statistics.stages if one.number == stage)]
+        self._costs.learn(running.batch.kind, seconds, len(ends))
+        size = sum(len(data) for data in result.parts)
+        self.statistics.count_results(running.batch.kind, min(running.tasks)[0], worker, len(ends), seconds, size)
 
     def _put_back(self, running: _Running) -> None:
         """What the batch brought no good result of is done again, unless another batch is at it."""
@@ -365,21 +352,23 @@ class Coordinator:
                 reason="TASK_KILLS_WORKERS",
             )
         if self._crew.client.status != "running" or any(running.future.cancelled() for running in lost):
-            self._crew.reconnect()
-            self._scene.release()
-            if self._log is not None:
-                self._log.submit_again()
-            # Those that were submitted to the scheduler of before are all gone; Dask reports each of them.
+            self._reconnect()
         for running in lost:
             self._put_back(running)
+
+    def _reconnect(self) -> None:
+        """The scheduler is another one, which knows nothing. Of what it lost Dask reports each batch."""
+        self._crew.reconnect()
+        self._scene.release()
+        if self._log is not None:
+            self._log.submit_again()
 
     def _set_aside(self, worker: str, why: str) -> None:
         self.statistics.worker(worker).set_aside = why
         self._crew.set_aside(worker, why)
 
     def _look_around(self, now: float) -> None:
-        if self._crew.client.status == "running":
-            self._crew.count()
+        self._crew.count()
         if self._stage.pending or len(self._running) >= self._crew.slots:
             return
         # Some threads have nothing to do: what takes too long is given to one of them as well.
@@ -392,17 +381,17 @@ class Coordinator:
         ]
         if not late or len(self._crew.good) < 2:
             return
-        processing = self._crew.client.processing()
-        where: dict[object, str] = {key: str(worker) for worker, keys in processing.items() for key in keys}
+        where = self._crew.processing()
         for running in late:
-            worker = where.get(running.future.key)
+            worker = where.get(str(running.future.key))
             if worker is None:
                 continue
             running.second = True
             tasks = [task for number, task in running.tasks.items() if number in self._wanted]
             if tasks:
                 self.statistics.stragglers += 1
-                self._submit(tasks, but=[worker], second=True)
+                with contextlib.suppress(*SCHEDULER_ERRORS):
+                    self._submit(tasks, but=[worker], second=True)
 
     def _drop(self, unwanted: Sequence[_Running]) -> None:
         """Cancels batches, and stops those that are being performed."""
@@ -410,8 +399,7 @@ class Coordinator:
             return
         for running in unwanted:
             self._running.pop(running.batch.number, None)
-        if self._crew.client.status == "running":
-            self._crew.client.cancel([running.future for running in unwanted], force=True)
+        self._crew.cancel([running.future for running in unwanted])
         self._crew.run(cancel_batches, [running.batch.number for running in unwanted])
 
 

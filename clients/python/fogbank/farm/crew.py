@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from distributed import Client
+from distributed import Client, Future
+from distributed.client import ClosedClientError
 
 from fogbank.farm.errors import FarmError
+from fogbank.farm.parcels import BatchResult
 from fogbank.farm.plugin import FarmPlugin
 
 _log = logging.getLogger(__name__)
+
+# What calls meet while the scheduler is not there.
+SCHEDULER_ERRORS = (OSError, ClosedClientError)
 
 # A scheduler that is started again, by hand or by whatever looks after it, is waited for so long.
 PATIENCE_SECONDS = 300.0
@@ -39,8 +45,9 @@ class Crew:
         self.count()
 
     def count(self) -> None:
-        """Asks the scheduler which workers there are."""
-        self._threads = {str(address): int(threads) for address, threads in self.client.nthreads().items()}
+        """Asks the scheduler which workers there are; what was known stays while it cannot be reached."""
+        with contextlib.suppress(*SCHEDULER_ERRORS):
+            self._threads = {str(address): int(threads) for address, threads in self.client.nthreads().items()}
 
     @property
     def good(self) -> list[str]:
@@ -67,9 +74,30 @@ class Crew:
             return None
         return [address for address in self.good if address not in but]
 
+    def gather(self, futures: Mapping[str, Future[BatchResult]]) -> dict[str, BatchResult]:
+        """Results of finished batches, by the same keys; those that were lost with their worker are missing."""
+        if not futures:
+            return {}
+        try:
+            return dict(self.client.gather(dict(futures), errors="skip"))
+        except SCHEDULER_ERRORS:
+            return {}
+
+    def cancel(self, futures: Sequence[Future[BatchResult]]) -> None:
+        """Takes batches back that have not begun."""
+        with contextlib.suppress(*SCHEDULER_ERRORS):
+            self.client.cancel(list(futures), force=True)
+
+    def processing(self) -> dict[str, str]:
+        """Which worker has which batch, by the keys of their futures."""
+        try:
+            return {str(key): str(worker) for worker, keys in self.client.processing().items() for key in keys}
+        except SCHEDULER_ERRORS:
+            return {}
+
     def run(self, function: Callable[..., object], *arguments: Any) -> None:  # noqa: ANN401 - the function's own
         """Runs a function on all workers at once, whatever they do; does not wait, and is not told of failures."""
-        if self.client.status == "running":
+        with contextlib.suppress(*SCHEDULER_ERRORS):
             self.client.run(function, *arguments, wait=False, on_error="ignore")
 
     def reconnect(self) -> None:
@@ -81,9 +109,10 @@ class Crew:
                     self.client = Client(self._address, security=self._security, set_as_default=False, timeout="10s")
                     self._own_client = True
                 self.client.register_plugin(self._plugin)
+                self._threads = {}
                 self.count()
                 return
-            except (OSError, ValueError, RuntimeError) as error:
+            except SCHEDULER_ERRORS as error:
                 if time.monotonic() > end:
                     raise FarmError(
                         f"the scheduler at {self._address} is gone: {error}", reason="SCHEDULER_LOST"

@@ -46,7 +46,11 @@ class SceneParcel:
     def _pieces(self) -> Iterator[FilePiece]:
         sizes = {entry.sha256: entry.size for entry in self._source.manifest.entries}
         for sha256, size in sizes.items():
-            with self._source.paths[sha256].open("rb") as file:
+            try:
+                file = self._source.paths[sha256].open("rb")
+            except OSError as error:
+                raise FarmError(f"a file of the scene cannot be read: {error}", reason="NO_SCENE_FILES") from None
+            with file:
                 for offset in range(0, max(size, 1), _PIECE_BYTES):
                     # A file that changes meanwhile has another hash, which the worker's server finds out.
                     yield FilePiece(sha256, size, offset, file.read(min(_PIECE_BYTES, size - offset)))

@@ -101,6 +101,30 @@ class FarmStatistics:
         """Of one worker."""
         return self.workers.setdefault(address, WorkerStatistics())
 
+    def count_batch(self, kind: TaskKind, stage: int, input_bytes: int) -> None:
+        """Counts a batch that is submitted."""
+        self.batches += 1
+        for figures in self._figures(kind, stage):
+            figures.input_bytes += input_bytes
+
+    def count_results(
+        self, kind: TaskKind, stage: int, worker: str, tasks: int, cpu_seconds: float, result_bytes: int
+    ) -> None:
+        """Counts the results of a batch."""
+        self.kind(kind).tasks += tasks
+        for figures in self._figures(kind, stage):
+            figures.cpu_seconds += cpu_seconds
+            figures.result_bytes += result_bytes
+        mine = self.worker(worker)
+        mine.tasks += tasks
+        mine.cpu_seconds += cpu_seconds
+
+    def _figures(self, kind: TaskKind, stage: int) -> list[TaskStatistics]:
+        stages = [one for one in self.stages if one.number == stage]
+        for one in stages:
+            one.kind = kind
+        return [self.kind(kind), *stages]
+
     def as_dict(self) -> dict[str, Any]:
         """As JSON takes it."""
         return asdict(self)
