@@ -32,7 +32,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
         return
     terminalreporter.section("farm")
     for test, what, figure, unit in rows:
-        terminalreporter.write_line(f"{test:<44}{what:<44}{figure:>12.4g} {unit}")
+        terminalreporter.write_line(f"{test:<76}{what:<50}{figure:>10.4g} {unit}")
 
 
 @pytest.fixture

@@ -61,16 +61,21 @@ def test_a_farm_makes_the_pictures_of_one_machine(
 
 
 def test_records_that_are_there_are_sent(service: fogbank.Service, cluster: Client, tmp_path: Path) -> None:
-    scene = service.load(write_scene(tmp_path / "scene"))
-    first = farm.render(scene, cluster, **RECORDS)
-    first.result()
-    second = farm.render(scene, cluster, **RECORDS)
-    expected = scene.render(**RECORDS)
-    assert_same_pictures(second.result(), expected.result())
-    assert second.statistics is not None
-    assert second.statistics.records_new == 0
-    first.join_farm()
-    second.join_farm()
+    path = write_scene(tmp_path / "scene")
+    scene = service.load(path)
+    for _ in range(2):
+        job = farm.render(scene, cluster, **RECORDS)
+        image = job.result()
+        job.join_farm()
+    with fogbank.connect(data=tmp_path / "alone", threads=2) as other:
+        same = other.load(path)
+        same.render(**RECORDS).wait()
+        expected = same.render(**RECORDS)
+        assert_same_pictures(image, expected.result())
+    assert job.statistics is not None
+    assert expected.statistics is not None
+    assert job.statistics.records_reused == expected.statistics.records_reused > 0
+    assert job.statistics.records_new == expected.statistics.records_new
 
 
 def test_a_cancelled_job_leaves_the_workers_free(
