@@ -232,7 +232,9 @@ class Coordinator:
             tasks.append(pending.popleft())
         return tasks
 
-    def _submit(self, tasks: Sequence[farm_pb2.LeasedTask], *, but: Sequence[str] = (), second: bool = False) -> None:
+    def _submit(
+        self, tasks: Sequence[farm_pb2.LeasedTask], *, workers: Sequence[str] | None = None, second: bool = False
+    ) -> None:
         assert self._log is not None
         kind = _kind(tasks[0])
         number = f"{kind}-{uuid.uuid4().hex}"
@@ -255,7 +257,7 @@ class Coordinator:
         else:
             files = self._scene.futures(client)
         future = client.submit(
-            perform, batch, log, files, key=f"fogbank_{number}", pure=False, workers=self._crew.allowed(but=but)
+            perform, batch, log, files, key=f"fogbank_{number}", pure=False, workers=workers or self._crew.allowed()
         )
         known = self._costs.seconds(kind)
         running = _Running(
@@ -368,10 +370,8 @@ class Coordinator:
         self._crew.set_aside(worker, why)
 
     def _look_around(self, now: float) -> None:
+        """Counts workers; when nothing is left to hand out, gives what takes too long to one that has nothing to do."""
         self._crew.count()
-        if self._stage.pending or len(self._running) >= self._crew.slots:
-            return
-        # Some threads have nothing to do: what takes too long is given to one of them as well.
         late = [
             running
             for running in self._running.values()
@@ -379,19 +379,18 @@ class Coordinator:
             and not running.second
             and now - running.submitted > max(_STRAGGLING_SECONDS, _STRAGGLING_FACTOR * running.expected)
         ]
-        if not late or len(self._crew.good) < 2:
+        if self._stage.pending or not late:
             return
         where = self._crew.processing()
+        idle = [worker for worker in self._crew.good if worker not in where.values()]
         for running in late:
-            worker = where.get(str(running.future.key))
-            if worker is None:
+            tasks = [task for number, task in running.tasks.items() if number in self._wanted]
+            if not idle or not tasks or where.get(str(running.future.key)) is None:
                 continue
             running.second = True
-            tasks = [task for number, task in running.tasks.items() if number in self._wanted]
-            if tasks:
-                self.statistics.stragglers += 1
-                with contextlib.suppress(*SCHEDULER_ERRORS):
-                    self._submit(tasks, but=[worker], second=True)
+            self.statistics.stragglers += 1
+            with contextlib.suppress(*SCHEDULER_ERRORS):
+                self._submit(tasks, workers=idle, second=True)
 
     def _drop(self, unwanted: Sequence[_Running]) -> None:
         """Cancels batches, and stops those that are being performed."""

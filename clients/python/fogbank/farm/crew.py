@@ -68,11 +68,9 @@ class Crew:
         if self._threads and not self.good:
             raise FarmError(f"no worker is left; the last one, {worker}, was set aside: {why}", reason="NO_WORKERS")
 
-    def allowed(self, *, but: Sequence[str] = ()) -> list[str] | None:
+    def allowed(self) -> list[str] | None:
         """For `Client.submit`: None for all, else addresses."""
-        if not self._aside and not but:
-            return None
-        return [address for address in self.good if address not in but]
+        return self.good if self._aside else None
 
     def gather(self, futures: Mapping[str, Future[BatchResult]]) -> dict[str, BatchResult]:
         """Results of finished batches, by the same keys; those that were lost with their worker are missing."""
