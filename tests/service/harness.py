@@ -23,6 +23,7 @@ from fogbank._generated.v1 import render_pb2 as render
 from fogbank._generated.v1 import scene_pb2 as scene
 from fogbank._generated.v1 import server_pb2 as server
 from fogbank._generated.v1.cache_pb2_grpc import CacheServiceStub
+from fogbank._generated.v1.farm_pb2_grpc import FarmServiceStub
 from fogbank._generated.v1.flatland_pb2_grpc import FlatlandServiceStub
 from fogbank._generated.v1.probe_pb2_grpc import ProbeServiceStub
 from fogbank._generated.v1.render_pb2_grpc import RenderServiceStub
@@ -181,6 +182,7 @@ class Server:
         self.render = RenderServiceStub(channel)
         self.probe = ProbeServiceStub(channel)
         self.caches = CacheServiceStub(channel)
+        self.farm = FarmServiceStub(channel)
         self.flatland = FlatlandServiceStub(channel)
         self.server = ServerServiceStub(channel)
 
@@ -238,9 +240,11 @@ class Server:
         request = scene.CreateSceneRequest(request_id=new_request_id(), manifest=self.manifest(files))
         return self.scenes.CreateScene(request).scene
 
-    def create_job(self, name: str, settings: render.RenderSettings | None = None) -> render.Job:
+    def create_job(
+        self, name: str, settings: render.RenderSettings | None = None, *, leased: bool = False
+    ) -> render.Job:
         """Creates a job."""
-        request = render.CreateJobRequest(request_id=new_request_id(), scene=name, settings=settings)
+        request = render.CreateJobRequest(request_id=new_request_id(), scene=name, settings=settings, leased=leased)
         return self.render.CreateJob(request).job
 
     def watch(self, name: str, canvas: Canvas | None = None, since: int = 0) -> render.Job:
