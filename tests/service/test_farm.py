@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import grpc
@@ -189,7 +189,7 @@ def test_another_coordinator_gets_all_that_is_not_complete(
     assert first.complete(first.perform(leased.tasks[:1], leased.log_length)).accepted == 1
     second = Farm(server, worker, job)
     second.log, second.replica = first.log, first.replica
-    seen = set()
+    seen: set[int] = set()
     while len(seen) < leased.stage_tasks - 1:
         answer = second.lease()
         assert answer.stage == leased.stage
@@ -266,10 +266,11 @@ def test_a_restarted_coordinator_goes_on_with_another_log(
     driver = Farm(again, worker, job)
     assert driver.step()
     assert driver.log != old_log
-    for call in (
+    stale: list[Callable[[], object]] = [
         lambda: driver.complete([farm.TaskResultPart(last=True)], log=old_log),
         lambda: again.farm.ReadJobLog(farm.ReadJobLogRequest(job=job.name, log=old_log)),
-    ):
+    ]
+    for call in stale:
         with pytest.raises(grpc.RpcError) as caught:
             call()
         assert error_info(caught.value).reason == "LOG_CHANGED"
@@ -293,9 +294,10 @@ def test_bad_requests_are_refused_with_their_reason(
     gap = farm.JobLogEntry(index=7, sha256=entry.sha256, data=entry.data)
     part = farm.TaskResultPart(stage=answer.stage, index=0, offset=5, last=True)
 
-    def lease(**changes: object) -> None:
-        request = {"job": job.name, "coordinator": "me", "max_tasks": 1, "wait_seconds": 0} | changes
-        server.farm.LeaseTasks(farm.LeaseTasksRequest(**request))
+    def lease(name: str = job.name, coordinator: str = "me", max_tasks: int = 1, wait_seconds: float = 0) -> None:
+        server.farm.LeaseTasks(
+            farm.LeaseTasksRequest(job=name, coordinator=coordinator, max_tasks=max_tasks, wait_seconds=wait_seconds)
+        )
 
     def perform(*tasks: farm.LeasedTask, replica: str = driver.replica, log_length: int = 1) -> None:
         request = farm.PerformTasksRequest(replica=replica, log_length=log_length, tasks=tasks)
@@ -304,14 +306,14 @@ def test_bad_requests_are_refused_with_their_reason(
     def advance(replica: str, *entries: farm.JobLogEntry) -> None:
         worker.farm.AdvanceReplica(farm.AdvanceReplicaRequest(replica=replica, entries=entries))
 
-    calls = [
+    calls: list[tuple[Callable[[], object], str]] = [
         (lambda: lease(max_tasks=0), "INVALID_LEASE"),
         (lambda: lease(wait_seconds=-1), "INVALID_LEASE"),
         (lambda: lease(wait_seconds=float("nan")), "INVALID_LEASE"),
         (lambda: lease(coordinator="a b"), "INVALID_LEASE"),
-        (lambda: lease(job="jobs/x"), "INVALID_NAME"),
-        (lambda: lease(job="jobs/" + 24 * "0"), "JOB_NOT_FOUND"),
-        (lambda: lease(job=plain.name), "JOB_NOT_LEASED"),
+        (lambda: lease(name="jobs/x"), "INVALID_NAME"),
+        (lambda: lease(name="jobs/" + 24 * "0"), "JOB_NOT_FOUND"),
+        (lambda: lease(name=plain.name), "JOB_NOT_LEASED"),
         (lambda: driver.complete([part]), "INVALID_RESULT"),
         (lambda: driver.complete([farm.TaskResultPart()]), "INVALID_RESULT"),
         (lambda: driver.complete([farm.TaskResultPart(last=True, seconds=float("nan"))]), "INVALID_RESULT"),

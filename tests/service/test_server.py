@@ -49,7 +49,7 @@ def test_limits_that_the_contract_names_are_told(server: Server) -> None:
     root = Path(__file__).resolve().parents[2] / "proto" / "fogbank" / "v1"
     text = "".join(path.read_text() for path in root.glob("*.proto"))
     for word in text.replace(",", " ").replace(".", " ").replace("`", " ").replace(";", " ").replace(")", " ").split():
-        if word.startswith(("max_", "min_probe", "default_")) and word not in ("max_depth", "max_threads"):
+        if word.startswith(("max_", "min_probe", "default_")) and word not in ("max_depth", "max_threads", "max_tasks"):
             assert word in told, word
 
 
