@@ -52,7 +52,8 @@ LeasedTask RenderJob::Implementation::describe(const Task& task, uint32_t its_st
   } else if (const auto* const surveying = std::get_if<SurveyTask>(&task)) {
     leased.kind = LeasedKind::survey;
     leased.index = surveying->index;
-    input.what = SurveyInput{.stride = survey.stride(), .channels = survey.channels(), .row = surveying->index};
+    input.what =
+        SurveyInput{.stride = survey.stride(), .channels = survey.channels(), .row = surveying->index};
   } else {
     const auto& tile = std::get<TileTask>(task);
     TileFilmPointer before;
@@ -95,8 +96,8 @@ Completion RenderJob::complete(uint32_t stage, uint32_t index, const TaskResult&
       return job.complete_round_task(stage, index, result,
                                      [&] { job.preparation->accept(index, result.bytes); });
     case Implementation::Phase::surveying:
-      return job.complete_round_task(
-          stage, index, result, [&] { job.survey.set_row(index, job.survey.row_values(result.bytes)); });
+      return job.complete_round_task(stage, index, result,
+                                     [&] { job.survey.set_row(index, job.survey.row_values(result.bytes)); });
     case Implementation::Phase::rendering:
       return job.complete_tile(stage, index, result);
   }

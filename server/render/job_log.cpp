@@ -41,7 +41,11 @@ std::string payload(const RoundStep& step) {
   return bytes + step.outcome;
 }
 
-std::string payload(const DropStep& step) { return step.outcome; }
+std::string payload(const DropStep& step) {
+  std::string bytes;
+  append_bytes(bytes, step.records);
+  return bytes + step.outcome;
+}
 
 LogStep start_step(std::string_view bytes) {
   cache::Segment segment;
@@ -78,8 +82,13 @@ LogStep to_step(std::string_view bytes) {
       if (!reader.ok()) refuse("a round ends too soon");
       return step;
     }
-    case 3:
-      return DropStep{.outcome = std::string(bytes.substr(1))};
+    case 3: {
+      DropStep step;
+      step.records = reader.take<uint64_t>();
+      step.outcome = reader.take(reader.left());
+      if (!reader.ok()) refuse("a dropped round ends too soon");
+      return step;
+    }
     default:
       refuse("there is no such step");
   }

@@ -34,7 +34,8 @@ struct RoundStep {
 
 /// It is dropped for want of time.
 struct DropStep {
-  std::string outcome;  ///< of the unfinished round
+  std::string outcome;   ///< of the unfinished round
+  uint64_t records = 0;  ///< in the job's cache then
 };
 
 using LogStep = std::variant<StartStep, BeginStep, RoundStep, DropStep>;

@@ -170,7 +170,12 @@ RenderJob::Implementation::Phase RenderJob::Implementation::begin_survey(Activit
 }
 
 void RenderJob::Implementation::end_stage(bool dropped) {
-  if (log && preparation) log->add(DropStep{.outcome = preparation->outcome()});
+  if (log && preparation) {
+    DropStep of_log{.outcome = preparation->outcome(), .records = 0};
+    preparation = nullptr;
+    of_log.records = records->records()->size();
+    log->add(of_log);
+  }
   preparation = nullptr;
   const integrators::CacheCounts counts = integrator->cache_counts();
   const std::lock_guard lock(mutex);

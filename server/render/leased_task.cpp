@@ -127,8 +127,8 @@ void append(std::string& bytes, const TileInput& input) {
   append_bytes(bytes, input.film.samples);
   append_bytes(bytes, input.film.first_cached_sample);
   append_layer(bytes, input.film.sampled);
-  append_layer(bytes, task.first_cached_sample < task.first_sample ? input.film.cached
-                                                                    : std::vector<PixelSums>{});
+  append_layer(bytes,
+               task.first_cached_sample < task.first_sample ? input.film.cached : std::vector<PixelSums>{});
 }
 
 }  // namespace

@@ -38,6 +38,11 @@ double thread_cpu_seconds() {
               "the replica has replayed " + std::to_string(length) + " entries of the log only");
 }
 
+[[noreturn]] void diverged(const char* what, uint64_t here, uint64_t there) {
+  throw Error(ErrorKind::internal, "REPLICA_DIVERGED",
+              "the replica has " + std::to_string(here) + " " + what + ", the job " + std::to_string(there));
+}
+
 bool same(const integrators::PassSamples& a, const integrators::PassSamples& b) {
   return a.seed == b.seed && a.first == b.first && a.count == b.count;
 }
@@ -87,7 +92,8 @@ void Replica::advance(uint64_t index, std::string_view entry) {
 }
 
 void Replica::apply(const LogStep& step) {
-  if (std::holds_alternative<StartStep>(step) != (steps_ == 0)) refuse_log("its first step, and no other, has the records there were");
+  if (std::holds_alternative<StartStep>(step) != (steps_ == 0))
+    refuse_log("its first step, and no other, has the records there were");
   std::visit([&](const auto& kind) { apply_step(kind); }, step);
 }
 
@@ -109,19 +115,20 @@ void Replica::apply_step(const RoundStep& step) {
   preparation_->adopt(step.outcome);
   round_tasks_ = preparation_->next_round();
   if (round_tasks_ == 0) preparation_ = nullptr;
-  const uint64_t records = cache_->records()->size();
-  if (round_tasks_ != step.next_tasks || records != step.records) {
-    throw Error(ErrorKind::internal, "REPLICA_DIVERGED",
-                "the replica has " + std::to_string(records) + " records and " +
-                    std::to_string(round_tasks_) + " tasks, the job " + std::to_string(step.records) +
-                    " and " + std::to_string(step.next_tasks));
-  }
+  if (round_tasks_ != step.next_tasks) diverged("tasks", round_tasks_, step.next_tasks);
+  expect_records(step.records);
 }
 
 void Replica::apply_step(const DropStep& step) {
   if (!preparation_) refuse_log("a preparation that never began is dropped");
   preparation_->adopt(step.outcome);
   preparation_ = nullptr;
+  expect_records(step.records);
+}
+
+void Replica::expect_records(uint64_t wanted) const {
+  if (const uint64_t records = cache_->records()->size(); records != wanted)
+    diverged("records", records, wanted);
 }
 
 bool Replica::enter(const LeasedTask& task, uint32_t step, const std::atomic<bool>& stop) {

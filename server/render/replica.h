@@ -56,6 +56,7 @@ class Replica {
   void apply_step(const BeginStep& step);
   void apply_step(const RoundStep& step);
   void apply_step(const DropStep& step);
+  void expect_records(uint64_t wanted) const;
   /// Waits until the task may run; false where it is outdated.
   bool enter(const LeasedTask& task, uint32_t step, const std::atomic<bool>& stop);
   void leave(const LeasedTask& task);

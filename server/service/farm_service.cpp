@@ -35,8 +35,8 @@ RpcError behind(const RpcError& error, uint64_t length) {
   return {error.code(), error.reason(), error.what(), {{"log_length", std::to_string(length)}}};
 }
 
-/// Replays entries on a render thread: with the rounds of a preparation indices are built. Lives until gRPC and
-/// the scheduler have let go of it.
+/// Replays entries on a render thread: with the rounds of a preparation indices are built. Lives until gRPC
+/// and the scheduler have let go of it.
 class AdvanceCall final : public grpc::ServerUnaryReactor,
                           public Workload,
                           public std::enable_shared_from_this<AdvanceCall> {

@@ -82,8 +82,8 @@ class LeaseCall final : public grpc::ServerUnaryReactor,
       throw invalid_lease("coordinator", "must be 1 to 64 characters of [A-Za-z0-9_-]");
     }
     if (tenant.pump.streams() >= static_cast<size_t>(limits::max_watchers)) {
-      throw RpcError(StatusCode::RESOURCE_EXHAUSTED, "TOO_MANY_WATCHERS",
-                     "too many calls wait for jobs", {{"limit", "max_watchers"}});
+      throw RpcError(StatusCode::RESOURCE_EXHAUSTED, "TOO_MANY_WATCHERS", "too many calls wait for jobs",
+                     {{"limit", "max_watchers"}});
     }
     job_ = tenant.jobs.find(parse_job_name(request_.job()));
     end_ = Clock::now() + seconds(request_.wait_seconds());

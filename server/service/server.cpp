@@ -202,10 +202,10 @@ Server::Server(const ServerOptions& options) {
     throw OptionError("can't listen on " + options.listen + ": is the address in use?");
   }
   auto* health = parts_->server->GetHealthCheckService();
-  for (const char* service :
-       {v1::SceneService::service_full_name(), v1::RenderService::service_full_name(),
-        v1::ProbeService::service_full_name(), v1::FlatlandService::service_full_name(),
-        v1::CacheService::service_full_name(), v1::FarmService::service_full_name(), v1::ServerService::service_full_name()}) {
+  for (const char* service : {v1::SceneService::service_full_name(), v1::RenderService::service_full_name(),
+                              v1::ProbeService::service_full_name(), v1::FlatlandService::service_full_name(),
+                              v1::CacheService::service_full_name(), v1::FarmService::service_full_name(),
+                              v1::ServerService::service_full_name()}) {
     health->SetServingStatus(service, true);
   }
   parts_->target = address.is_network ? address.host + ":" + std::to_string(port) : address.target;

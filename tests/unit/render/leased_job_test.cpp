@@ -104,11 +104,12 @@ bool refuses(RenderJob& job, const LeasedTask& task, const TaskResult& result) {
   return false;
 }
 
-/// Tasks in random order on random replicas, some of them twice and late, some poisoned at first; a replica is
-/// now and then thrown away, and its successor replays the log.
+/// Tasks in random order on random replicas, some of them twice and late, some poisoned at first; a replica
+/// is now and then thrown away, and its successor replays the log.
 class RandomFarm {
  public:
-  RandomFarm(RenderJob& job, std::shared_ptr<const transport::World> world, uint32_t replicas, uint32_t losses)
+  RandomFarm(RenderJob& job, std::shared_ptr<const transport::World> world, uint32_t replicas,
+             uint32_t losses)
       : job_(job), world_(std::move(world)), replicas_(replicas), random_(replicas), losses_left_(losses) {}
 
   void run() {
