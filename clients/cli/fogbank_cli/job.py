@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 import fogbank
-from fogbank.job import ENDED_STATES
+from fogbank.job_report import ENDED_STATES
 
 from fogbank_cli.image_output import exposure_option, follow_and_save, watch_tev_option
 from fogbank_cli.output import duration, quantity

@@ -8,7 +8,7 @@ from typing import Unpack
 import click
 import fogbank
 from fogbank import RenderOptions, UploadProgress
-from fogbank.job import Priority
+from fogbank.job_report import Priority
 
 from fogbank_cli.image_output import exposure_option, follow_and_save, watch_tev_option
 from fogbank_cli.output import Output, quantity

@@ -12,7 +12,8 @@ from typing import Unpack
 from fogbank._generated.v1 import probe_pb2, render_pb2, scene_pb2
 from fogbank.cache import SceneCache
 from fogbank.channel import Connection
-from fogbank.job import PRIORITIES, Job, Priority
+from fogbank.job import Job
+from fogbank.job_report import PRIORITIES, Priority
 from fogbank.probe import (
     Order,
     PlanTerm,

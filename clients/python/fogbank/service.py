@@ -21,7 +21,8 @@ from fogbank.credentials import Credentials
 from fogbank.embedded import EmbeddedServer
 from fogbank.errors import FogbankError, InvalidSceneError, scene_error
 from fogbank.hash_cache import HashCache
-from fogbank.job import STATES, Job, JobState
+from fogbank.job import Job
+from fogbank.job_report import STATES, JobState
 from fogbank.paths import cache_folder
 from fogbank.retry import RetryPolicy
 from fogbank.scene import Scene, SceneSource
