@@ -1,6 +1,7 @@
 // fogbankd: renders scenes with fog as a gRPC service.
 //
-// Exit codes: 0 stopped by SIGTERM, SIGINT or the end of standard input; 1 an error while starting; 64 and
+// Exit codes: 0 stopped by SIGTERM, SIGINT or the end of standard input; 1 an error while starting; 3 nobody
+// could connect any more, and it is to be started again; 64 and
 // above as CLI11 and require_processor.cpp give them.
 #include <poll.h>
 #include <pthread.h>
@@ -13,9 +14,11 @@
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
+#include <memory>
 #include <string>
 
 #include "core/files.h"
+#include "service/json_log.h"
 #include "service/server.h"
 
 namespace {
@@ -53,6 +56,8 @@ int main(int argc, char** argv) {
   std::string data;
   std::string scene_root;
   std::string log_level = "info";
+  std::string log_format = "text";
+  std::string trace;
   std::string tls_certificate;
   std::string tls_key;
   std::string tls_client_ca;
@@ -80,6 +85,17 @@ int main(int argc, char** argv) {
   app.add_flag("--exit-with-stdin", exit_with_stdin,
                "Ends when standard input is closed: with the parent process, and its jobs with it");
   app.add_option("--metrics", options.metrics, "HOST:PORT of loopback: serves /metrics to Prometheus");
+  app.add_option(
+      "--trace", trace,
+      "File for the spans of jobs, OTLP/JSON lines; clients' traceparent says what they belong to");
+  app.add_option("--task-report", options.task_limits.report_seconds,
+                 "Seconds after which a tile is reported as slow, in the log and in metrics")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app.add_option("--task-limit", options.task_limits.limit_seconds,
+                 "Seconds after which a tile that has not ended ends its job")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
   app.add_option("--tls-certificate", tls_certificate,
                  "PEM file: encrypts, on any address, and asks every caller for a token");
   app.add_option("--tls-key", tls_key, "PEM file: the certificate's private key");
@@ -92,6 +108,9 @@ int main(int argc, char** argv) {
   app.add_option("--log-level", log_level, "debug, info, warning, error, off")
       ->check(CLI::IsMember({"debug", "info", "warning", "error", "off"}))
       ->capture_default_str();
+  app.add_option("--log-format", log_format, "text, or json: an object a line")
+      ->check(CLI::IsMember({"text", "json"}))
+      ->capture_default_str();
   app.set_version_flag("--version", FOGBANK_VERSION);
   CLI11_PARSE(app, argc, argv);
 
@@ -101,11 +120,13 @@ int main(int argc, char** argv) {
     return 1;
   }
   options.tls = {.certificate = tls_certificate, .key = tls_key, .client_authority = tls_client_ca};
+  options.trace = trace;
   options.jobs_outlive_server = !exit_with_stdin;
   if (!scene_root.empty()) options.scene_root = scene_root;
   options.memory_bytes = static_cast<int64_t>(memory_gib * (1 << 30));
   options.cache_bytes = static_cast<int64_t>(cache_gib * (1 << 30));
   spdlog::set_default_logger(spdlog::stderr_color_mt("fogbankd"));
+  if (log_format == "json") spdlog::set_formatter(std::make_unique<fogbank::service::JsonFormatter>());
   spdlog::set_level(spdlog::level::from_str(log_level));
 
   const int signals = catch_end_signals();
@@ -116,9 +137,9 @@ int main(int argc, char** argv) {
     wait_for_end(signals, exit_with_stdin);
     spdlog::info("stopping");
     server.stop();
+    return server.exit_code();
   } catch (const std::exception& error) {
     std::fprintf(stderr, "fogbankd: error: %s\n", error.what());
     return 1;
   }
-  return 0;
 }

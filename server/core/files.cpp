@@ -1,4 +1,5 @@
 #include "core/files.h"
+#include "core/failpoint.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -54,9 +55,18 @@ void sync_folder(const std::filesystem::path& folder) {
 }
 
 void rename_durably(const std::filesystem::path& from, const std::filesystem::path& to) {
+  FOGBANK_FAILPOINT("file.before_rename");
   if (::rename(from.c_str(), to.c_str()) != 0) throw_file_error(errno, "renaming", from);
+  FOGBANK_FAILPOINT("file.after_rename");
   sync_folder(to.parent_path());
   if (from.parent_path() != to.parent_path()) sync_folder(from.parent_path());
+}
+
+void create_folder_durably(const std::filesystem::path& folder) {
+  if (folder.empty() || std::filesystem::is_directory(folder)) return;
+  create_folder_durably(folder.parent_path());
+  if (::mkdir(folder.c_str(), 0777) != 0 && errno != EEXIST) throw_file_error(errno, "making", folder);
+  sync_folder(folder.has_parent_path() ? folder.parent_path() : ".");
 }
 
 void write_file_durably(const std::filesystem::path& path, std::string_view bytes) {
@@ -65,7 +75,9 @@ void write_file_durably(const std::filesystem::path& path, std::string_view byte
   temporary += "." + std::to_string(::getpid()) + "." + std::to_string(++counter) + ".tmp";
   try {
     const FileDescriptor file = open_file(temporary, O_WRONLY | O_CREAT | O_TRUNC);
+    FOGBANK_FAILPOINT("file.before_write");
     write_all(file, bytes, path);
+    FOGBANK_FAILPOINT("file.before_sync");
     sync_file(file, path);
     rename_durably(temporary, path);
   } catch (...) {

@@ -42,6 +42,10 @@ void rename_durably(const std::filesystem::path& from, const std::filesystem::pa
 /// A folder's entries become durable. Throws as `throw_file_error`.
 void sync_folder(const std::filesystem::path& folder);
 
+/// Makes a folder, and those above it, where they are absent; their names are durable. Throws as
+/// `throw_file_error`.
+void create_folder_durably(const std::filesystem::path& folder);
+
 /// Writes a temporary file (*.tmp) beside `path`, syncs it, and renames it to `path`.
 void write_file_durably(const std::filesystem::path& path, std::string_view bytes);
 

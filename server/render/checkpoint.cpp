@@ -8,6 +8,7 @@
 #include <type_traits>
 
 #include "core/error.h"
+#include "core/failpoint.h"
 #include "core/files.h"
 #include "core/sha256.h"
 
@@ -167,6 +168,7 @@ void write_checkpoint(const std::filesystem::path& path, const Checkpoint& check
   std::filesystem::path temporary = path;
   temporary += ".tmp";
   try {
+    FOGBANK_FAILPOINT("checkpoint.before_write");
     HashedFile file(temporary);
     file.put(magic);
     file.put(head_of(checkpoint, identity));
@@ -177,8 +179,11 @@ void write_checkpoint(const std::filesystem::path& path, const Checkpoint& check
       file.put(
           {reinterpret_cast<const char*>(tile->sampled.data()), tile->sampled.size() * sizeof(PixelSums)});
     }
+    FOGBANK_FAILPOINT("checkpoint.before_sync");
     file.finish();
+    FOGBANK_FAILPOINT("checkpoint.before_publish");
     rename_durably(temporary, path);
+    FOGBANK_FAILPOINT("checkpoint.after_publish");
   } catch (...) {
     ::unlink(temporary.c_str());
     throw;

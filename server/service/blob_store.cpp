@@ -7,6 +7,7 @@
 #include <array>
 #include <cerrno>
 
+#include "core/failpoint.h"
 #include "service/limits.h"
 #include "service/names.h"
 #include "service/rpc_error.h"
@@ -33,7 +34,9 @@ std::chrono::seconds age_of(const fs::path& path) {
 
 }  // namespace
 
-BlobStore::BlobStore(fs::path root) : root_(std::move(root)) { fs::create_directories(root_ / "partial"); }
+BlobStore::BlobStore(fs::path root, TenantQuota* quota) : root_(std::move(root)), quota_(quota) {
+  create_folder_durably(root_ / "partial");
+}
 
 fs::path BlobStore::blob_path(const std::string& sha256) const {
   return root_ / sha256.substr(0, 2) / sha256;
@@ -56,6 +59,26 @@ std::optional<BlobStore::Blob> BlobStore::find(const std::string& sha256) const 
   const auto size = size_of(whole);
   if (!size) return std::nullopt;
   return Blob{.path = whole, .size = *size};
+}
+
+std::optional<BlobStore::Blob> BlobStore::find_intact(const std::string& sha256) {
+  const auto blob = find(sha256);
+  if (!blob) return std::nullopt;
+  const FileDescriptor file = open_file(blob->path, O_RDONLY);
+  Sha256 hash;
+  std::string buffer(size_t{1} << 20, '\0');
+  while (true) {
+    const ssize_t count = ::read(file.get(), buffer.data(), buffer.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) throw_file_error(errno, "reading", blob->path);
+    if (count == 0) break;
+    hash.update(buffer.data(), static_cast<size_t>(count));
+  }
+  if (hash.finish() == sha256) return blob;
+  const std::lock_guard lock(mutex_);
+  ::unlink(blob->path.c_str());
+  throw RpcError(StatusCode::DATA_LOSS, "BLOB_DAMAGED",
+                 "a stored file is not what was uploaded any more; upload it again", {{"sha256", sha256}});
 }
 
 BlobStore::Upload::Upload(BlobStore& store, std::string sha256, int64_t size)
@@ -103,6 +126,8 @@ std::unique_ptr<BlobStore::Upload> BlobStore::begin(const std::string& sha256, i
                        std::to_string(committed) + " bytes",
                    {{"committed_size", std::to_string(committed)}});
   }
+  if (quota_ != nullptr) upload->reservation_ = quota_->reserve_stored(size - (offset == 0 ? 0 : committed));
+  FOGBANK_FAILPOINT("blob.before_open");
   upload->file_ = open_file(upload->partial_, O_RDWR | O_CREAT | (offset == 0 ? O_TRUNC : O_APPEND));
   std::array<char, 256 << 10> buffer{};
   while (upload->written_ < offset) {
@@ -126,7 +151,10 @@ void BlobStore::Upload::append(std::string_view chunk) {
     throw RpcError(StatusCode::INVALID_ARGUMENT, "BLOB_SIZE_MISMATCH",
                    "more than the declared " + std::to_string(size_) + " bytes were sent");
   }
+  FOGBANK_FAILPOINT("blob.before_chunk");
   write_all(file_, chunk, partial_);
+  FOGBANK_FAILPOINT("blob.after_chunk");
+  reservation_.written(static_cast<int64_t>(chunk.size()));
   hash_.update(chunk);
   written_ += static_cast<int64_t>(chunk.size());
 }
@@ -146,11 +174,14 @@ void BlobStore::Upload::finish() {
     throw RpcError(StatusCode::INVALID_ARGUMENT, "BLOB_HASH_MISMATCH",
                    "the bytes have SHA-256 " + actual + ", not " + sha256_);
   }
+  FOGBANK_FAILPOINT("blob.before_sync");
   sync_file(file_, partial_);
   file_.close();
   const fs::path whole = store_.blob_path(sha256_);
-  fs::create_directories(whole.parent_path());
+  create_folder_durably(whole.parent_path());
+  FOGBANK_FAILPOINT("blob.before_publish");
   rename_durably(partial_, whole);
+  FOGBANK_FAILPOINT("blob.after_publish");
 }
 
 void BlobStore::sweep(const std::set<std::string>& in_use, std::chrono::seconds blob_lifetime,

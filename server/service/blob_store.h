@@ -14,6 +14,7 @@
 
 #include "core/files.h"
 #include "core/sha256.h"
+#include "service/tenant_quota.h"
 
 namespace fogbank::service {
 
@@ -21,7 +22,8 @@ namespace fogbank::service {
 /// Thread-safe.
 class BlobStore {
  public:
-  explicit BlobStore(std::filesystem::path root);
+  /// `quota` null: there is none.
+  explicit BlobStore(std::filesystem::path root, TenantQuota* quota = nullptr);
 
   struct Presence {
     int64_t committed_size = 0;
@@ -36,6 +38,9 @@ class BlobStore {
     int64_t size = 0;
   };
   std::optional<Blob> find(const std::string& sha256) const;
+  /// As `find`, for use: all of it is read. One that is not what its name says any more is removed, so that
+  /// it can be uploaded again. Throws RpcError BLOB_DAMAGED.
+  std::optional<Blob> find_intact(const std::string& sha256);
 
   /// One upload in progress. Destroyed unfinished, it leaves what it has as a partial upload.
   class Upload {
@@ -63,11 +68,12 @@ class BlobStore {
     std::filesystem::path partial_;
     FileDescriptor file_;
     Sha256 hash_;
+    DiskMeter::Reservation reservation_;
   };
 
   /// Begins or continues an upload. Reads what was committed before, to go on hashing. Throws RpcError
   /// INVALID_SHA256, INVALID_UPLOAD (negative size or offset), BLOB_TOO_LARGE, UPLOAD_OFFSET_MISMATCH,
-  /// UPLOAD_IN_PROGRESS.
+  /// UPLOAD_IN_PROGRESS, QUOTA_EXCEEDED.
   std::unique_ptr<Upload> begin(const std::string& sha256, int64_t size, int64_t offset);
 
   /// Removes whole blobs that are not in `in_use` and were last used `blob_lifetime` ago, and partial uploads
@@ -80,6 +86,7 @@ class BlobStore {
   std::filesystem::path partial_path(const std::string& sha256) const;
 
   std::filesystem::path root_;
+  TenantQuota* quota_;
   mutable std::mutex mutex_;
   std::set<std::string> uploading_;
 };

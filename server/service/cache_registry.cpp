@@ -253,15 +253,18 @@ v1::CollectCacheGarbageResponse CacheRegistry::collect_garbage(std::optional<int
   return response;
 }
 
-void CacheRegistry::keep_within_budget() {
-  if (settings_.disk_budget_bytes == 0) return;
+void CacheRegistry::keep_within_budget(std::optional<int64_t> quota) {
+  std::optional<int64_t> budget = quota;
+  if (settings_.disk_budget_bytes > 0)
+    budget = std::min(settings_.disk_budget_bytes, quota.value_or(settings_.disk_budget_bytes));
+  if (!budget) return;
   try {
     uint64_t total = 0;
     for (const std::string& transport : store_.list()) {
       const cache::CacheSummary summary = store_.cache(transport)->describe();
       total += summary.bytes + summary.quarantined_bytes;
     }
-    if (total > static_cast<uint64_t>(settings_.disk_budget_bytes)) collect_garbage(std::nullopt);
+    if (total > static_cast<uint64_t>(*budget)) collect_garbage(budget);
   } catch (const std::exception& error) {
     spdlog::warn("caches are not kept within their budget: {}", error.what());
   }

@@ -56,8 +56,9 @@ class CacheRegistry {
   v1::ImportCacheResponse import_from(const std::filesystem::path& file, const std::string& transport);
   /// Down to `budget` bytes; nothing: to the budget of the settings.
   v1::CollectCacheGarbageResponse collect_garbage(std::optional<int64_t> budget);
-  /// Removes whole caches while all together are above the budget of the settings; what fails is logged.
-  void keep_within_budget();
+  /// Removes whole caches while all together are above the budget of the settings or above `quota` bytes;
+  /// what fails is logged.
+  void keep_within_budget(std::optional<int64_t> quota);
   /// Throws RpcError CACHE_NOT_FOUND.
   void remove(const std::string& transport);
 

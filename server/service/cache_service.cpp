@@ -51,6 +51,7 @@ grpc::ServerUnaryReactor* CacheServiceImplementation::ImportCache(grpc::Callback
     Tenant& tenant = tenants_.enter(*context, "CacheService.ImportCache");
     const std::string transport = request->cache().empty() ? "" : parse_cache_name(request->cache());
     const std::filesystem::path file = uploaded_file(request->sha256(), tenant.blobs);
+    tenant.quota.require_cache(static_cast<int64_t>(std::filesystem::file_size(file)));
     with_file_errors([&] { *response = tenant.caches.import_from(file, transport); });
   });
 }

@@ -65,7 +65,7 @@ void with_file_errors(const std::function<void()>& work) {
 fs::path uploaded_file(const std::string& sha256, BlobStore& blobs) {
   check_sha256(sha256);
   blobs.query(sha256);  // counts as a use
-  const auto blob = blobs.find(sha256);
+  const auto blob = blobs.find_intact(sha256);
   if (!blob) {
     throw RpcError(StatusCode::FAILED_PRECONDITION, "BLOBS_MISSING", "the cache file is not uploaded",
                    {{"sha256", sha256}});

@@ -114,6 +114,7 @@ class FillStream final : public grpc::ServerWriteReactor<v1::FillCacheResponse>,
 
   void acquire() {
     try {
+      services_.quota.require_cache(0);
       services_.scenes.acquire(parse_scene_name(request_.scene()),
                                [self = shared_from_this()](std::shared_ptr<const transport::World> world,
                                                            double, const std::exception_ptr& error) {
@@ -229,7 +230,12 @@ grpc::ServerWriteReactor<v1::FillCacheResponse>* start_fill(grpc::CallbackServer
                                    "too many FillCache streams are open",
                                    {{"limit", "max_fills"}}}));
   } else {
-    stream->start();
+    try {
+      services.quota.require_cpu();
+      stream->start();
+    } catch (...) {
+      stream->refuse(status_of(std::current_exception()));
+    }
   }
   return stream.get();
 }

@@ -10,6 +10,7 @@
 #include "service/scene_registry.h"
 #include "service/scheduling/scheduler.h"
 #include "service/stream_pump.h"
+#include "service/tenant_quota.h"
 
 namespace fogbank::service {
 
@@ -20,7 +21,8 @@ struct FillServices {
   Scheduler& scheduler;
   TaskQueue& control;
   StreamPump& pump;  ///< serves FillCache streams and nothing else
-  int group = 0;     ///< in the scheduler
+  TenantQuota& quota;
+  int group = 0;  ///< in the scheduler
   std::atomic<bool> shutting_down = false;
 };
 

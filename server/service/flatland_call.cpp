@@ -118,8 +118,8 @@ class FlatlandCall final : public grpc::ServerUnaryReactor,
                            public Workload,
                            public std::enable_shared_from_this<FlatlandCall> {
  public:
-  FlatlandCall(std::unique_ptr<FlatlandWork> work, Scheduler& scheduler)
-      : work_(std::move(work)), scheduler_(scheduler) {}
+  FlatlandCall(std::unique_ptr<FlatlandWork> work, Scheduler& scheduler, int group)
+      : work_(std::move(work)), scheduler_(scheduler), group_(group) {}
 
   void start(TaskQueue& control) {
     self_ = shared_from_this();
@@ -136,6 +136,8 @@ class FlatlandCall final : public grpc::ServerUnaryReactor,
     ++running_;
     return [call = shared_from_this(), task = std::move(task)] { call->run(task); };
   }
+
+  int group() const override { return group_; }
 
   void OnCancel() override { fail(grpc::Status::CANCELLED); }
   void OnDone() override { self_.reset(); }
@@ -193,6 +195,7 @@ class FlatlandCall final : public grpc::ServerUnaryReactor,
 
   std::unique_ptr<FlatlandWork> work_;
   Scheduler& scheduler_;
+  const int group_;
   std::shared_ptr<FlatlandCall> self_;  ///< gRPC's hold
 
   std::mutex mutex_;  ///< never held while the scheduler is called, which calls `take`
@@ -203,8 +206,9 @@ class FlatlandCall final : public grpc::ServerUnaryReactor,
 
 template <typename Work, typename Request, typename Response>
 grpc::ServerUnaryReactor* start(const Request& request, Response& response, TaskQueue& control,
-                                Scheduler& scheduler) {
-  const auto call = std::make_shared<FlatlandCall>(std::make_unique<Work>(request, response), scheduler);
+                                Scheduler& scheduler, int group) {
+  const auto call =
+      std::make_shared<FlatlandCall>(std::make_unique<Work>(request, response), scheduler, group);
   call->start(control);
   return call.get();
 }
@@ -213,14 +217,14 @@ grpc::ServerUnaryReactor* start(const Request& request, Response& response, Task
 
 grpc::ServerUnaryReactor* start_flatland_call(const v1::ProbeFlatlandRequest& request,
                                               v1::ProbeFlatlandResponse& response, TaskQueue& control,
-                                              Scheduler& scheduler) {
-  return start<ProbeWork>(request, response, control, scheduler);
+                                              Scheduler& scheduler, int group) {
+  return start<ProbeWork>(request, response, control, scheduler, group);
 }
 
 grpc::ServerUnaryReactor* start_flatland_call(const v1::FillFlatlandCacheRequest& request,
                                               v1::FillFlatlandCacheResponse& response, TaskQueue& control,
-                                              Scheduler& scheduler) {
-  return start<FillWork>(request, response, control, scheduler);
+                                              Scheduler& scheduler, int group) {
+  return start<FillWork>(request, response, control, scheduler, group);
 }
 
 }  // namespace fogbank::service

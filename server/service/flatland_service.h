@@ -16,16 +16,20 @@ class FlatlandServiceImplementation final : public v1::FlatlandService::Callback
                                           const v1::ProbeFlatlandRequest* request,
                                           v1::ProbeFlatlandResponse* response) override {
     return start_in_tenant<grpc::ServerUnaryReactor>(
-        tenants_, *context, "FlatlandService.ProbeFlatland",
-        [&](Tenant&) { return start_flatland_call(*request, *response, control_, scheduler_); });
+        tenants_, *context, "FlatlandService.ProbeFlatland", [&](Tenant& tenant) {
+          tenant.quota.require_cpu();
+          return start_flatland_call(*request, *response, control_, scheduler_, tenant.number);
+        });
   }
 
   grpc::ServerUnaryReactor* FillFlatlandCache(grpc::CallbackServerContext* context,
                                               const v1::FillFlatlandCacheRequest* request,
                                               v1::FillFlatlandCacheResponse* response) override {
     return start_in_tenant<grpc::ServerUnaryReactor>(
-        tenants_, *context, "FlatlandService.FillFlatlandCache",
-        [&](Tenant&) { return start_flatland_call(*request, *response, control_, scheduler_); });
+        tenants_, *context, "FlatlandService.FillFlatlandCache", [&](Tenant& tenant) {
+          tenant.quota.require_cpu();
+          return start_flatland_call(*request, *response, control_, scheduler_, tenant.number);
+        });
   }
 
  private:

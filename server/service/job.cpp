@@ -7,6 +7,7 @@
 
 #include "cache/scene_cache.h"
 #include "cache/store/store.h"
+#include "core/failpoint.h"
 #include "core/files.h"
 #include "core/sha256.h"
 #include "render/exr.h"
@@ -36,7 +37,7 @@ bool has_ended(v1::JobState state) {
 }
 
 Job::Job(const std::string& id, const v1::CreateJobRequest& request, const v1::RenderSettings& settings,
-         JobServices& services)
+         JobServices& services, std::optional<TraceContext> client)
     : id_(id),
       request_(request),
       request_hash_(hash_of(request)),
@@ -44,7 +45,9 @@ Job::Job(const std::string& id, const v1::CreateJobRequest& request, const v1::R
       services_(services),
       settings_(settings),
       priority_(known_priority(request.priority())),
-      board_(tile_count(settings_), seconds(settings_.update_interval_seconds())) {
+      board_(tile_count(settings_), seconds(settings_.update_interval_seconds())),
+      trace_(services.traces, std::move(client), job_name(id)) {
+  trace_.begin("queue");
   base_.set_name(job_name(id));
   base_.set_scene(request.scene());
   *base_.mutable_settings() = settings_;
@@ -68,7 +71,8 @@ Job::Job(StoredJob stored, JobServices& services)
       board_(has_ended(base_.state())
                  ? TileBoard::published(tile_count(settings_), base_.revision())
                  : TileBoard(tile_count(settings_), seconds(settings_.update_interval_seconds()),
-                             first_revision(base_.restarts() + 1))) {
+                             first_revision(base_.restarts() + 1))),
+      trace_(has_ended(base_.state()) ? nullptr : services.traces, std::nullopt, base_.name()) {
   if (has_ended(base_.state())) return;
   base_.set_restarts(base_.restarts() + 1);
   base_.clear_start_time();
@@ -87,6 +91,12 @@ int64_t Job::film_bytes() const {
   // a checkpoint that is being written.
   const int64_t pixel_bytes = uses_cache() ? 192 : 96 + 48;
   return pixel_bytes * settings_.crop().width() * settings_.crop().height();
+}
+
+int64_t Job::image_bytes() const {
+  const int64_t channels = (settings_.variance() ? 6 : 3) + settings_.aovs_size();
+  const int64_t channel_bytes = settings_.pixel_type() == v1::PIXEL_TYPE_FLOAT ? 4 : 2;
+  return channels * channel_bytes * settings_.crop().width() * settings_.crop().height();
 }
 
 StoredJob Job::stored() const { return {.request = request_, .description = describe()}; }
@@ -118,6 +128,7 @@ void Job::start(std::shared_ptr<const transport::World> world, render::RenderSet
   render_job_ = std::move(render_job);
   cache_name_ = std::move(used_cache);
   load_seconds_ += load_seconds;
+  trace_.add("load", load_seconds);
   // Held for as long as tiles may be wanted; the film itself is shared with it.
   kept_tile_source_ = film_tiles(render_job_);
   tile_source_ = kept_tile_source_;
@@ -135,27 +146,37 @@ std::function<void()> Job::take() {
     finish_if_idle();
     return {};
   }
-  ++running_tasks_;
+  const uint64_t number = next_task_++;
+  running_.emplace(number, RunningTask{.task = *task, .start = Clock::now()});
+  const bool is_tile = std::holds_alternative<render::TileTask>(*task);
+  if (is_tile) trace_.end("fill");
+  trace_.begin(is_tile ? "tiles" : "fill");
   if (base_.state() == v1::JOB_STATE_QUEUED) {
+    trace_.end("queue");
     base_.set_state(v1::JOB_STATE_RUNNING);
     *base_.mutable_start_time() = timestamp_now();
     board_.advance();
   }
-  return [self = shared_from_this(), task = *task] { self->run(task); };
+  return
+      [self = shared_from_this(), job = render_job_, task = *task, number] { self->run(*job, task, number); };
 }
 
-void Job::run(const render::Task& task) {
+void Job::run(render::RenderJob& job, const render::Task& task, uint64_t number) {
   const double cpu_before = thread_cpu_seconds();
   bool pass_completed = false;
   try {
-    pass_completed = render_job_->run(task, interrupt_);
+    FOGBANK_FAILPOINT("job.before_task");
+    pass_completed = job.run(task, interrupt_);
   } catch (...) {
     fail(to_rpc_error(std::current_exception()));
   }
   const double cpu = thread_cpu_seconds() - cpu_before;
   {
     const std::lock_guard lock(mutex_);
-    --running_tasks_;
+    if (running_.extract(number).mapped().given_up) {
+      services_.lost_threads -= 1;
+      return;
+    }
     render_cpu_seconds_ += cpu;
     const auto* const tile = std::get_if<render::TileTask>(&task);
     if (!stop_) account(tile != nullptr ? std::optional(tile->tile) : std::nullopt, pass_completed);
@@ -185,11 +206,13 @@ void Job::account(std::optional<uint32_t> tile, bool pass_completed) {
   for (const uint32_t doubtful : doubtful_tiles_) board_.complete(doubtful, now);
   doubtful_tiles_.clear();
   unfinished_pass_.clear();
+  trace_.end("tiles", {{"fogbank.passes", static_cast<int64_t>(render_job_->progress().passes_done)},
+                       {"fogbank.tiles", static_cast<int64_t>(render_job_->tile_count())}});
   checkpoint_if_due();
 }
 
 void Job::finish_if_idle() {
-  if (finishing_ || running_tasks_ > 0) return;
+  if (finishing_ || has_running_tasks()) return;
   const bool ended = stop_ || (render_job_ && render_job_->ended());
   if (!ended && !suspended_) return;
   finishing_ = true;
@@ -218,6 +241,8 @@ void Job::finish() {
     description.set_revision(board_.revision() + 1);
     failure = failure_;
     cancelled = failure_is_cancel_;
+    for (const char* const part : {"fill", "tiles"}) trace_.end(part);
+    if (!failure) trace_.begin("encode");
   }
   if (!failure) {
     try {
@@ -251,7 +276,9 @@ void Job::store_image(v1::Job& description) {
   const std::string file = render::encode_image(
       image, pixel_type(settings_), settings_.variance(),
       render::describe(engine_settings_, progress, render_job_->history(), scene_fingerprint_));
+  FOGBANK_FAILPOINT("job.before_image");
   write_file_durably(image_path(), file);
+  FOGBANK_FAILPOINT("job.after_image");
 
   v1::JobResult& result = *description.mutable_result();
   *result.mutable_window() = settings_.crop();
@@ -279,7 +306,9 @@ void Job::end(v1::Job description) {
   // Durable before anybody hears of it. Should the disk refuse, the end itself is still told to those who
   // watch, and the next life of the server comes to it again.
   try {
+    FOGBANK_FAILPOINT("job.before_end");
     services_.store.put({{.request = request_, .description = description}});
+    FOGBANK_FAILPOINT("job.after_end");
     std::error_code ignored;
     std::filesystem::remove(checkpoint_path(), ignored);
   } catch (const std::exception& error) {
@@ -291,6 +320,7 @@ void Job::end(v1::Job description) {
     const std::lock_guard lock(mutex_);
     base_ = std::move(description);
     board_.advance();
+    trace_.finish(v1::JobState_Name(base_.state()), base_.state() == v1::JOB_STATE_FAILED);
     released = std::move(render_job_);
     render_job_ = nullptr;
     engine_settings_.integrator_settings.cache = nullptr;

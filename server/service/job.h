@@ -13,14 +13,17 @@
 
 #include "fogbank/v1/farm.pb.h"
 #include "fogbank/v1/render.pb.h"
+#include "render/task.h"
 #include "service/job_settings.h"
 #include "service/job_store.h"
+#include "service/job_trace.h"
 #include "service/rate_meter.h"
 #include "service/rpc_error.h"
 #include "service/scheduling/scheduler.h"
 #include "service/scheduling/task_queue.h"
 #include "service/scheduling/tile_board.h"
 #include "service/scheduling/watch_cursor.h"
+#include "service/task_limits.h"
 #include "service/tile_source.h"
 #include "transport/world.h"
 
@@ -41,8 +44,12 @@ struct JobServices {
   std::function<void(const std::shared_ptr<Job>&)> suspended;
   /// Whether the scheduler is to ask a leased job for tasks may have changed (`active`).
   std::function<void(const std::shared_ptr<Job>&)> settle;
-  int group = 0;                    ///< of the scheduler: whose jobs these are
-  std::atomic<uint64_t> tiles = 0;  ///< rendered
+  int group = 0;  ///< of the scheduler: whose jobs these are
+  TaskLimits task_limits;
+  TraceLog* traces = nullptr;            ///< null: nothing is traced
+  std::atomic<uint64_t> tiles = 0;       ///< rendered
+  std::atomic<uint64_t> slow_tasks = 0;  ///< above TaskLimits::report_seconds, since the start
+  std::atomic<int> lost_threads = 0;     ///< that render threads spend on jobs that were ended without them
 };
 
 /// Life: created queued; `start` gives it a scene; the scheduler takes its tasks; it ends exactly once, by
@@ -50,9 +57,9 @@ struct JobServices {
 /// checkpoint, from which `start` goes on in a later life of the server. Thread-safe.
 class Job : public Workload, public std::enable_shared_from_this<Job> {
  public:
-  /// A new job with these effective settings.
+  /// A new job with these effective settings; `client` is the trace that its client belongs to.
   Job(const std::string& id, const v1::CreateJobRequest& request, const v1::RenderSettings& settings,
-      JobServices& services);
+      JobServices& services, std::optional<TraceContext> client);
   /// A job of an earlier life of the server. Throws RpcError INVALID_NAME when the row makes no sense.
   Job(StoredJob stored, JobServices& services);
 
@@ -64,6 +71,8 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   const v1::RenderSettings& settings() const { return settings_; }
   /// Most memory of its film, in bytes.
   int64_t film_bytes() const;
+  /// Most bytes of its image's pixels, of variances and additional channels, too.
+  int64_t image_bytes() const;
 
   /// The row of the store.
   StoredJob stored() const;
@@ -89,6 +98,13 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   /// The server ends and the job does not: stops its tasks, writes a last checkpoint, sends its watchers
   /// away, and calls `suspended`, unless it is ending anyway.
   void suspend();
+
+  /// Reports tasks that run long, and ends the job when one is above the limit: it fails with
+  /// DEADLINE_EXCEEDED (TASK_STUCK), and doesn't wait for a task that goes on all the same.
+  void watch_tasks(Clock::time_point now);
+  /// What the spans of its watchers belong to; nullopt where nothing is traced.
+  std::optional<TraceContext> trace_context() const;
+  TraceLog* traces() const { return services_.traces; }
 
   v1::Job describe() const;
   v1::JobState state() const;
@@ -129,7 +145,16 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   NextEvent next_event(WatchCursor& cursor);
 
  private:
-  void run(const render::Task& task);
+  struct RunningTask {
+    render::Task task;
+    Clock::time_point start;
+    bool reported = false;
+    bool given_up = false;
+  };
+
+  void run(render::RenderJob& job, const render::Task& task, uint64_t number);
+  /// Tasks that the job waits for; with `mutex_` held.
+  bool has_running_tasks() const;
   /// Takes note of a task that returned, of a tile if it was one; with `mutex_` held.
   void account(std::optional<uint32_t> tile, bool pass_completed);
   void expect_leased() const;
@@ -185,7 +210,10 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   std::optional<RpcError> failure_;  ///< why it is stopped
   bool failure_is_cancel_ = false;
   bool finishing_ = false;
-  int running_tasks_ = 0;
+  std::map<uint64_t, RunningTask> running_;  ///< by number
+  uint64_t next_task_ = 0;
+  JobTrace trace_;
+  int completing_ = 0;       ///< results of leased tasks that are being taken
   std::string coordinator_;  ///< that has the leased tasks
   int watchers_ = 0;
   uint64_t tasks_completed_ = 0;

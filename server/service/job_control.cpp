@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "core/failpoint.h"
 #include "core/sha256.h"
 #include "render/checkpoint.h"
 #include "service/build_id.h"
@@ -40,7 +41,9 @@ void Job::change_and_store(const std::function<bool()>& change) {
     if (suspended_) throw shutting_down();
     if (!change()) return;
   }
+  FOGBANK_FAILPOINT("job.before_change");
   services_.store.put({stored()});
+  FOGBANK_FAILPOINT("job.after_change");
 }
 
 void Job::abandon(const RpcError& why) {
@@ -98,7 +101,12 @@ void Job::suspend() {
 }
 
 void Job::finish_suspension() {
+  FOGBANK_FAILPOINT("job.before_suspension");
   write_checkpoint();
+  {
+    const std::lock_guard lock(mutex_);
+    trace_.finish("SUSPENDED", false);
+  }
   services_.suspended(shared_from_this());
   services_.changed();
 }

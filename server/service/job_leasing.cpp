@@ -74,7 +74,7 @@ void Job::complete(const std::string& log, const v1::TaskResultPart& last_part, 
     if (log != log_id()) throw log_changed();
     if (render_job_ && !stop_ && !suspended_ && !finishing_) {
       job = render_job_;
-      ++running_tasks_;
+      ++completing_;
     }
   }
   render::Completion completion = render::Completion::ignored;
@@ -91,7 +91,7 @@ void Job::complete(const std::string& log, const v1::TaskResultPart& last_part, 
       message.set_message(error.what());
     }
     const std::lock_guard lock(mutex_);
-    --running_tasks_;
+    --completing_;
     if (completion != render::Completion::ignored && !stop_) {
       render_cpu_seconds_ += result.cpu_seconds;
       const bool last_tile = completion == render::Completion::last_tile;

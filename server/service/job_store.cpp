@@ -8,6 +8,7 @@
 #include <exception>
 #include <utility>
 
+#include "core/failpoint.h"
 #include "core/sha256.h"
 #include "service/messages.h"
 #include "service/rpc_error.h"
@@ -262,10 +263,13 @@ void JobStore::write(std::function<void(sqlite3*)> run) {
 }
 
 void JobStore::commit(const std::vector<Write*>& writes) {
+  FOGBANK_FAILPOINT("jobs.before_begin");
   execute(connection_.get(), "BEGIN IMMEDIATE");
   try {
     for (const Write* const write : writes) write->run(connection_.get());
+    FOGBANK_FAILPOINT("jobs.before_commit");
     execute(connection_.get(), "COMMIT");
+    FOGBANK_FAILPOINT("jobs.after_commit");
   } catch (...) {
     // Some errors have rolled back by themselves; then there is nothing to roll back.
     if (sqlite3_get_autocommit(connection_.get()) == 0)

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/failpoint.h"
+#include "core/files.h"
 #include "core/sha256.h"
 #include "service/limits.h"
 #include "service/messages.h"
@@ -20,7 +22,7 @@ namespace {
 
 /// Of the database, in a folder that is made if absent.
 fs::path database_in(const fs::path& folder) {
-  fs::create_directories(folder);
+  create_folder_durably(folder);
   return folder / "jobs.sqlite";
 }
 
@@ -33,12 +35,13 @@ void add(JobTable::Totals& totals, const v1::Progress& progress) {
 }  // namespace
 
 JobTable::JobTable(Settings settings, SceneRegistry& scenes, CacheRegistry& caches, BlobStore& blobs,
-                   Scheduler& scheduler, TaskQueue& writer, FilmBudget& films,
+                   TenantQuota& quota, Scheduler& scheduler, TaskQueue& writer, FilmBudget& films,
                    std::function<void()> films_freed, std::function<void()> changed)
     : settings_(std::move(settings)),
       scenes_(scenes),
       caches_(caches),
       blobs_(blobs),
+      quota_(quota),
       scheduler_(scheduler),
       films_(films),
       films_freed_(std::move(films_freed)),
@@ -50,7 +53,9 @@ JobTable::JobTable(Settings settings, SceneRegistry& scenes, CacheRegistry& cach
                 .ended = [this](const std::shared_ptr<Job>& job) { on_stopped(job); },
                 .suspended = [this](const std::shared_ptr<Job>& job) { on_stopped(job); },
                 .settle = [this](const std::shared_ptr<Job>& job) { settle(job); },
-                .group = settings_.group} {
+                .group = settings_.group,
+                .task_limits = settings_.task_limits,
+                .traces = settings_.traces} {
   restore();
 }
 
@@ -62,7 +67,7 @@ RpcError JobTable::too_large(const Job& job) const {
           {{"field", "settings.crop"}}};
 }
 
-void JobTable::create(const v1::CreateJobRequest& request, Created done) {
+void JobTable::create(const v1::CreateJobRequest& request, std::optional<TraceContext> client, Created done) {
   check_request_id(request.request_id());
   const std::string scene_id = parse_scene_name(request.scene());
   const std::string hash = sha256(canonical_bytes(request));
@@ -82,26 +87,31 @@ void JobTable::create(const v1::CreateJobRequest& request, Created done) {
     creation->second.waiting.push_back(std::move(done));
     return;
   }
-  if (waiting_.size() + active_.size() + creating_.size() >= static_cast<size_t>(limits::max_queued_jobs)) {
+  const size_t unfinished_jobs = waiting_.size() + active_.size() + creating_.size();
+  if (unfinished_jobs >= static_cast<size_t>(limits::max_queued_jobs)) {
     throw RpcError(StatusCode::RESOURCE_EXHAUSTED, "TOO_MANY_JOBS",
                    "there are as many unfinished jobs as the server takes; retry when some have ended",
-                   {{"limit", "max_queued_jobs"}});
+                   {{"limit", "max_queued_jobs"}})
+        .retry_after(limits::quota_retry_seconds);
   }
+  quota_.require_job(unfinished_jobs);
+  quota_.require_cpu();
   Creation creation{.request_hash = hash, .waiting = {}};
   creation.waiting.push_back(std::move(done));
   creating_.emplace(request.request_id(), std::move(creation));
   lock.unlock();
   try {
-    scenes_.acquire(scene_id, [this, request](const std::shared_ptr<const transport::World>& world,
-                                              double load_seconds, std::exception_ptr error) {
-      finish_creation(request, world, load_seconds, std::move(error));
+    scenes_.acquire(scene_id, [this, request, client](const std::shared_ptr<const transport::World>& world,
+                                                      double load_seconds, std::exception_ptr error) {
+      finish_creation(request, client, world, load_seconds, std::move(error));
     });
   } catch (...) {
-    finish_creation(request, nullptr, 0, std::current_exception());
+    finish_creation(request, client, nullptr, 0, std::current_exception());
   }
 }
 
-std::shared_ptr<Job> JobTable::make_job(const v1::CreateJobRequest& request, const scene::Scene& scene) {
+std::shared_ptr<Job> JobTable::make_job(const v1::CreateJobRequest& request,
+                                        std::optional<TraceContext> client, const scene::Scene& scene) {
   const JobSettings settings = resolve_settings(request.settings(), scene, scheduler_.threads());
   if (!v1::JobPriority_IsValid(request.priority())) {
     throw RpcError(StatusCode::INVALID_ARGUMENT, "INVALID_SETTINGS", "priority is not a JobPriority",
@@ -112,19 +122,23 @@ std::shared_ptr<Job> JobTable::make_job(const v1::CreateJobRequest& request, con
   if (settings.effective.has_epoch()) {
     caches_.at_epoch(cache::record_field(scene, settings.effective.max_depth()), settings.effective.epoch());
   }
-  auto job = std::make_shared<Job>(new_job_id(), request, settings.effective, services_);
+  auto job = std::make_shared<Job>(new_job_id(), request, settings.effective, services_, std::move(client));
   if (job->film_bytes() > films_.total()) throw too_large(*job);
+  quota_.require_stored(job->image_bytes());
+  if (job->uses_cache()) quota_.require_cache(0);
+  FOGBANK_FAILPOINT("job.before_create");
   store_.put({job->stored()});
+  FOGBANK_FAILPOINT("job.after_create");
   return job;
 }
 
-void JobTable::finish_creation(const v1::CreateJobRequest& request,
+void JobTable::finish_creation(const v1::CreateJobRequest& request, const std::optional<TraceContext>& client,
                                const std::shared_ptr<const transport::World>& world, double load_seconds,
                                std::exception_ptr error) {
   std::shared_ptr<Job> job;
   if (!error) {
     try {
-      job = make_job(request, world->scene());
+      job = make_job(request, client, world->scene());
     } catch (...) {
       error = std::current_exception();
     }
@@ -330,6 +344,16 @@ JobTable::Totals JobTable::totals() const {
 int64_t JobTable::film_bytes() const {
   const std::lock_guard lock(mutex_);
   return active_film_bytes_;
+}
+
+void JobTable::watch_tasks() const {
+  std::vector<std::shared_ptr<Job>> jobs;
+  {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [id, job] : active_) jobs.push_back(job);
+  }
+  const Clock::time_point now = Clock::now();
+  for (const std::shared_ptr<Job>& job : jobs) job->watch_tasks(now);
 }
 
 std::map<std::string, uint64_t> JobTable::failures() const {

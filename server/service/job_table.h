@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -29,19 +30,22 @@ class JobTable {
     int group = 0;  ///< in the scheduler
     bool jobs_outlive_server =
         false;  ///< else they are cancelled with the server, and found dead after a crash
+    TaskLimits task_limits;
+    TraceLog* traces = nullptr;  ///< null: nothing is traced
   };
 
   /// Reads `folder`; what is damaged there is passed over with a log line. Throws as JobStore.
   JobTable(Settings settings, SceneRegistry& scenes, CacheRegistry& caches, BlobStore& blobs,
-           Scheduler& scheduler, TaskQueue& writer, FilmBudget& films, std::function<void()> films_freed,
-           std::function<void()> changed);
+           TenantQuota& quota, Scheduler& scheduler, TaskQueue& writer, FilmBudget& films,
+           std::function<void()> films_freed, std::function<void()> changed);
 
   /// Either the job or the error is set.
   using Created = std::function<void(std::shared_ptr<Job> job, std::exception_ptr error)>;
   /// Answers in this thread or in one of the scene loader. Throws, or answers with, RpcError
   /// INVALID_REQUEST_ID, INVALID_NAME, INVALID_SETTINGS, SCENE_NOT_FOUND, REQUEST_ID_REUSED, TOO_MANY_JOBS,
-  /// BLOBS_MISSING, EPOCH_GONE, SHUTTING_DOWN, and what loading the scene ends with.
-  void create(const v1::CreateJobRequest& request, Created done);
+  /// QUOTA_EXCEEDED, BLOBS_MISSING, EPOCH_GONE, SHUTTING_DOWN, and what loading the scene ends with.
+  /// `client` is the trace that the client belongs to.
+  void create(const v1::CreateJobRequest& request, std::optional<TraceContext> client, Created done);
 
   /// Throws RpcError JOB_NOT_FOUND.
   std::shared_ptr<Job> find(const std::string& id) const;
@@ -81,6 +85,10 @@ class JobTable {
   /// Of all jobs that ended since the start and of those that run.
   Totals totals() const;
   uint64_t tiles() const { return services_.tiles; }
+  uint64_t slow_tasks() const { return services_.slow_tasks; }
+  int lost_threads() const { return services_.lost_threads; }
+  /// As Job::watch_tasks, of all that are admitted.
+  void watch_tasks() const;
   /// Memory of the films of the jobs that are admitted.
   int64_t film_bytes() const;
   /// Jobs that failed since the start, by reason.
@@ -95,10 +103,11 @@ class JobTable {
   void restore();
   void remove_orphans() const;
   RpcError too_large(const Job& job) const;
-  std::shared_ptr<Job> make_job(const v1::CreateJobRequest& request, const scene::Scene& scene);
+  std::shared_ptr<Job> make_job(const v1::CreateJobRequest& request, std::optional<TraceContext> client,
+                                const scene::Scene& scene);
   /// With the cache and the reference image that the job uses.
   render::RenderSettings engine_settings(const Job& job, const scene::Scene& scene);
-  void finish_creation(const v1::CreateJobRequest& request,
+  void finish_creation(const v1::CreateJobRequest& request, const std::optional<TraceContext>& client,
                        const std::shared_ptr<const transport::World>& world, double load_seconds,
                        std::exception_ptr error);
   void start(const std::shared_ptr<Job>& job);
@@ -117,6 +126,7 @@ class JobTable {
   SceneRegistry& scenes_;
   CacheRegistry& caches_;
   BlobStore& blobs_;
+  TenantQuota& quota_;
   Scheduler& scheduler_;
   FilmBudget& films_;
   const std::function<void()> films_freed_;

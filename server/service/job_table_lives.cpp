@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "core/failpoint.h"
 #include "service/job_table.h"
 #include "service/limits.h"
 #include "service/names.h"
@@ -27,7 +28,9 @@ void JobTable::restore() {
     }
   }
   // In one transaction, before anybody can be told a revision of this life.
+  FOGBANK_FAILPOINT("job.before_restore");
   store_.put(changed);
+  FOGBANK_FAILPOINT("job.after_restore");
   if (store_.complete()) remove_orphans();
 }
 

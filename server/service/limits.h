@@ -41,6 +41,11 @@ inline constexpr int64_t min_tile_size = render::RenderLimits::smallest_tile;
 inline constexpr int64_t max_tile_size = render::RenderLimits::largest_tile;
 inline constexpr int64_t default_tile_size = 32;
 inline constexpr double cancel_seconds = 0.2;
+/// A tile, or another task of a job, that runs longer is reported; one that runs longer still ends its job.
+inline constexpr double default_task_report_seconds = 30;
+inline constexpr double default_task_limit_seconds = 900;
+/// So long a job that was ended waits for a task that doesn't heed it.
+inline constexpr double stuck_task_seconds = 10;
 /// Share of a job's render CPU time that writing its checkpoints may take.
 inline constexpr double checkpoint_share = 0.01;
 
@@ -104,6 +109,16 @@ inline constexpr double streaming_share = 0.02;
 // Shutdown: for watchers to read their terminal events, and then for the streams to end.
 inline constexpr double drain_seconds = 5;
 inline constexpr double shutdown_seconds = 2;
+
+// Upkeep, such as of the bytes that count for quotas.
+inline constexpr double sweep_seconds = 60;
+/// When to ask again for what others of the same tenant have to let go first.
+inline constexpr double quota_retry_seconds = 5;
+
+// The server connects to itself so often, waits so long, and gives up after so many failures in a row.
+inline constexpr double self_probe_seconds = 5;
+inline constexpr double self_probe_timeout_seconds = 5;
+inline constexpr int self_probe_tries = 3;
 
 // Certificates and keys are read again so often.
 inline constexpr double certificate_reload_seconds = 5;

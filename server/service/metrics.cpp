@@ -61,11 +61,16 @@ class Collector final : public prometheus::Collectable {
     Family rays = counter("fogbank_rays_total", "Rays of jobs since the start");
     Family tiles =
         counter("fogbank_tiles_total", "Tiles rendered since the start, those of every pass counted");
+    Family slow = counter("fogbank_slow_tasks_total",
+                          "Tiles and other tasks that ran longer than the watchdog's bound");
+    Family lost = gauge("fogbank_lost_threads", "Render threads in tasks that their jobs gave up");
     Family records = counter("fogbank_cache_records_total", "Records of caches that jobs have made or found");
     Family rate = gauge("fogbank_rays_per_second", "Rays per second of the last seconds");
     Family streams = gauge("fogbank_streams", "Open streams, by kind");
     Family scenes = gauge("fogbank_scenes", "Scenes that are known or in memory");
     Family memory = gauge("fogbank_memory_bytes", "Memory of scenes, caches and films");
+    Family quotas = gauge("fogbank_quota_limit", "Most that a tenant may use, by quota");
+    Family quota_uses = gauge("fogbank_quota_used", "What a tenant uses of its quotas");
     for (Tenant* const tenant : tenants_.all()) {
       const auto of = [&](const char* name, std::string value) {
         return Labels{{"tenant", tenant->name}, {name, std::move(value)}};
@@ -83,12 +88,18 @@ class Collector final : public prometheus::Collectable {
       const JobTable::Totals totals = tenant->jobs.totals();
       rays.add(static_cast<double>(totals.rays), whole);
       tiles.add(static_cast<double>(tenant->jobs.tiles()), whole);
+      slow.add(static_cast<double>(tenant->jobs.slow_tasks()), whole);
+      lost.add(tenant->jobs.lost_threads(), whole);
       records.add(static_cast<double>(totals.records_new), of("kind", "new"));
       records.add(static_cast<double>(totals.records_reused), of("kind", "reused"));
       rate.add(counts.rays_per_second, whole);
       streams.add(static_cast<double>(tenant->pump.streams()), of("kind", "watch"));
       streams.add(static_cast<double>(tenant->probe_pump.streams()), of("kind", "probe"));
       streams.add(static_cast<double>(tenant->fill_pump.streams()), of("kind", "fill"));
+      for (const QuotaUse& use : tenant->quota_uses()) {
+        quotas.add(use.limit, of("quota", use.name));
+        quota_uses.add(use.used, of("quota", use.name));
+      }
       const SceneRegistry::Counts known = tenant->scenes.counts();
       scenes.add(known.scenes, of("state", "known"));
       scenes.add(known.resident, of("state", "resident"));
@@ -109,8 +120,9 @@ class Collector final : public prometheus::Collectable {
     const std::filesystem::space_info space = std::filesystem::space(data_, unknown);
     if (!unknown) disk.add(static_cast<double>(space.available), {});
     std::vector<prometheus::MetricFamily> families;
-    for (const Family* const family : {&jobs, &failures, &rays, &tiles, &records, &rate, &streams, &scenes,
-                                       &memory, &threads, &resident, &start, &disk}) {
+    for (const Family* const family :
+         {&jobs, &failures, &rays, &tiles, &records, &rate, &streams, &scenes, &memory, &quotas, &quota_uses,
+          &slow, &lost, &threads, &resident, &start, &disk}) {
       families.push_back(family->family());
     }
     return families;

@@ -300,7 +300,12 @@ ProbeReactor* start_probe(grpc::CallbackServerContext& context, ProbeServices& s
                                    "too many Probe streams are open",
                                    {{"limit", "max_probes"}}}));
   } else {
-    stream->start();
+    try {
+      services.quota.require_cpu();
+      stream->start();
+    } catch (...) {
+      stream->refuse(status_of(std::current_exception()));
+    }
   }
   return stream.get();
 }

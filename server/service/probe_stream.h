@@ -10,6 +10,7 @@
 #include "service/scheduling/scheduler.h"
 #include "service/scheduling/task_queue.h"
 #include "service/stream_pump.h"
+#include "service/tenant_quota.h"
 
 namespace fogbank::service {
 
@@ -19,7 +20,8 @@ struct ProbeServices {
   Scheduler& scheduler;  ///< computes
   TaskQueue& control;    ///< asks for scenes
   StreamPump& pump;      ///< reads, checks and writes messages; of the probes alone
-  int group = 0;         ///< in the scheduler
+  TenantQuota& quota;
+  int group = 0;  ///< in the scheduler
   std::atomic<bool> shutting_down = false;
 };
 

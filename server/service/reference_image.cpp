@@ -13,7 +13,7 @@ std::shared_ptr<const render::ReferenceImage> load_reference(const std::string& 
                                                              const scene::Window& window, BlobStore& blobs) {
   check_sha256(sha256);
   blobs.query(sha256);  // counts as a use
-  const auto blob = blobs.find(sha256);
+  const auto blob = blobs.find_intact(sha256);
   if (!blob) {
     throw RpcError(grpc::StatusCode::FAILED_PRECONDITION, "BLOBS_MISSING",
                    "the reference image is not uploaded", {{"sha256", sha256}});

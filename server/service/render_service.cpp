@@ -7,13 +7,23 @@
 
 namespace fogbank::service {
 
+namespace {
+
+std::optional<TraceContext> client_trace(const grpc::CallbackServerContext& context) {
+  const auto header = context.client_metadata().find("traceparent");
+  if (header == context.client_metadata().end()) return {};
+  return parse_traceparent({header->second.data(), header->second.size()});
+}
+
+}  // namespace
+
 grpc::ServerUnaryReactor* RenderServiceImplementation::CreateJob(grpc::CallbackServerContext* context,
                                                                  const v1::CreateJobRequest* request,
                                                                  v1::CreateJobResponse* response) {
   return answer_later(
       context, control_, [this, context, request, response](grpc::ServerUnaryReactor* reactor) {
         tenants_.enter(*context, "RenderService.CreateJob")
-            .jobs.create(*request,
+            .jobs.create(*request, client_trace(*context),
                          [response, reactor](const std::shared_ptr<Job>& job, std::exception_ptr error) {
                            if (error) {
                              reactor->Finish(status_of(error));
@@ -79,7 +89,7 @@ grpc::ServerWriteReactor<v1::WatchJobResponse>* RenderServiceImplementation::Wat
     grpc::CallbackServerContext* context, const v1::WatchJobRequest* request) {
   using Reactor = grpc::ServerWriteReactor<v1::WatchJobResponse>;
   return start_in_tenant<Reactor>(tenants_, *context, "RenderService.WatchJob", [&](Tenant& tenant) {
-    return start_watch(*context, *request, tenant.jobs, tenant.pump);
+    return start_watch(*context, *request, tenant.jobs, tenant.quota, tenant.pump);
   });
 }
 

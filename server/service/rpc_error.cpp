@@ -1,7 +1,9 @@
 #include "service/rpc_error.h"
 
+#include <google/protobuf/util/time_util.h>
 #include <grpcpp/support/status.h>
 
+#include <cmath>
 #include <new>
 
 #include "google/rpc/error_details.pb.h"
@@ -108,6 +110,12 @@ google::rpc::Status to_status_message(const RpcError& error) {
   status.set_code(error.code());
   status.set_message(presentable(error.what(), max_message_bytes));
   status.add_details()->PackFrom(info);
+  if (error.retry_seconds()) {
+    google::rpc::RetryInfo retry;
+    *retry.mutable_retry_delay() =
+        google::protobuf::util::TimeUtil::MillisecondsToDuration(std::llround(1000 * *error.retry_seconds()));
+    status.add_details()->PackFrom(retry);
+  }
   return status;
 }
 

@@ -6,8 +6,10 @@
 
 #include <exception>
 #include <map>
+#include <optional>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "core/error.h"
 
@@ -34,11 +36,18 @@ class RpcError : public std::runtime_error {
   grpc::StatusCode code() const { return code_; }
   const std::string& reason() const { return reason_; }
   const Metadata& metadata() const { return metadata_; }
+  /// The same, with the time after which asking again may help.
+  RpcError retry_after(double seconds) && {
+    retry_seconds_ = seconds;
+    return std::move(*this);
+  }
+  std::optional<double> retry_seconds() const { return retry_seconds_; }
 
  private:
   grpc::StatusCode code_;
   std::string reason_;
   Metadata metadata_;
+  std::optional<double> retry_seconds_;
 };
 
 /// What calls are answered, and streams ended with, while the server ends.
@@ -48,7 +57,8 @@ RpcError shutting_down();
 /// element as metadata; everything that is not a typed error is INTERNAL_ERROR.
 RpcError to_rpc_error(const std::exception_ptr& exception);
 
-/// As google.rpc.Status with one google.rpc.ErrorInfo of domain "fogbank".
+/// As google.rpc.Status with a google.rpc.ErrorInfo of domain "fogbank" and, where there is a time to retry
+/// after, a google.rpc.RetryInfo.
 google::rpc::Status to_status_message(const RpcError& error);
 
 /// The reason of such a message; empty where it has none.

@@ -224,7 +224,7 @@ LoadedScene load(const v1::CreateSceneRequest& request,
   if (uploaded) {
     std::map<std::string, std::string> paths;
     for (const v1::ManifestEntry& entry : request.manifest().entries()) {
-      const auto blob = blobs.find(entry.sha256());
+      const auto blob = blobs.find_intact(entry.sha256());
       if (!blob || blob->size != entry.size()) {
         throw RpcError(StatusCode::FAILED_PRECONDITION, "BLOBS_MISSING",
                        "the contents of " + entry.path() + " are not uploaded",

@@ -2,10 +2,14 @@
 
 #include <google/protobuf/util/time_util.h>
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <iterator>
 
+#include "core/failpoint.h"
+#include "core/files.h"
 #include "core/sha256.h"
 #include "service/limits.h"
 #include "service/messages.h"
@@ -50,7 +54,7 @@ std::string page_key(const v1::Scene& scene) {
 
 SceneRegistry::SceneRegistry(Settings settings, BlobStore& blobs, TaskQueue& loader)
     : settings_(std::move(settings)), blobs_(blobs), loader_(loader) {
-  fs::create_directories(settings_.folder);
+  create_folder_durably(settings_.folder);
   restore();
 }
 
@@ -190,9 +194,12 @@ void SceneRegistry::run_loading(const std::string& key, const std::string& expec
     }
     // Durable before it is acknowledged; scene.json comes last, as it makes the folder valid.
     const fs::path folder = settings_.folder / loaded.id;
-    fs::create_directories(folder);
+    create_folder_durably(folder);
+    FOGBANK_FAILPOINT("scene.before_request");
     write_message(folder / "request.json", source);
+    FOGBANK_FAILPOINT("scene.before_description");
     write_message(folder / "scene.json", loaded.description);
+    FOGBANK_FAILPOINT("scene.after_description");
     spdlog::info("loaded {} ({}) in {:.3f} s: {} triangles", loaded.description.name(),
                  loaded.description.main_path(), loaded.description.load_times().total_seconds(),
                  loaded.description.statistics().triangles());
@@ -270,13 +277,18 @@ void SceneRegistry::remove(const std::string& id) {
     const std::lock_guard lock(mutex_);
     const auto found = scenes_.find(id);
     if (found == scenes_.end()) throw not_found(id);
+    // scene.json first: without it the folder counts as absent, whatever interrupts the rest.
+    FOGBANK_FAILPOINT("scene.before_remove");
+    const fs::path folder = settings_.folder / id;
+    if (::unlink((folder / "scene.json").c_str()) != 0 && errno != ENOENT)
+      throw_file_error(errno, "removing", folder / "scene.json");
+    sync_folder(folder);
+    FOGBANK_FAILPOINT("scene.after_remove");
     released = found->second.world;
     scenes_.erase(found);
     std::erase_if(id_by_source_, [&](const auto& item) { return item.second == id; });
-    // scene.json first: without it the folder counts as absent, whatever interrupts the rest.
     std::error_code ignored;
-    fs::remove(settings_.folder / id / "scene.json", ignored);
-    fs::remove_all(settings_.folder / id, ignored);
+    fs::remove_all(folder, ignored);
   }
 }
 

@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <condition_variable>
+#include <csignal>
 #include <cstdlib>
 #include <thread>
 
@@ -27,6 +28,7 @@
 #include "service/probe_service.h"
 #include "service/render_service.h"
 #include "service/scene_service.h"
+#include "service/self_probe.h"
 #include "service/server_service.h"
 #include "service/tenants.h"
 
@@ -47,7 +49,7 @@ void raise_descriptor_limit() {
 /// The data directory, ours alone for as long as the descriptor is open.
 FileDescriptor lock_data_directory(const fs::path& data) {
   try {
-    fs::create_directories(data);
+    create_folder_durably(data);
     FileDescriptor file = open_file(data / "lock", O_RDWR | O_CREAT);
     if (::flock(file.get(), LOCK_EX | LOCK_NB) != 0) {
       throw OptionError("the data directory " + data.string() + " is in use by another fogbankd");
@@ -75,7 +77,7 @@ int64_t default_memory_bytes() {
 
 int default_threads() { return static_cast<int>(std::max(1u, std::thread::hardware_concurrency())); }
 
-/// Removes what nobody needs any more, once a minute.
+/// Looks after quotas and running tasks, once a second, and removes what nobody needs any more.
 class Sweeper {
  public:
   explicit Sweeper(const Tenants& tenants) : thread_([this, &tenants] { work(tenants); }) {}
@@ -90,9 +92,16 @@ class Sweeper {
 
  private:
   void work(const Tenants& tenants) {
+    Clock::time_point next_sweep = Clock::now() + seconds(limits::sweep_seconds);
     std::unique_lock lock(mutex_);
-    while (!wake_.wait_for(lock, std::chrono::minutes(1), [this] { return stopped_; })) {
-      for (Tenant* const tenant : tenants.all()) tenant->sweep();
+    while (!wake_.wait_for(lock, std::chrono::seconds(1), [this] { return stopped_; })) {
+      const bool sweep = Clock::now() >= next_sweep;
+      if (sweep) next_sweep = Clock::now() + seconds(limits::sweep_seconds);
+      for (Tenant* const tenant : tenants.all()) {
+        tenant->quota.tick();
+        tenant->jobs.watch_tasks();
+        if (sweep) tenant->sweep();
+      }
     }
   }
 
@@ -121,6 +130,7 @@ struct Server::Parts {
         loader("loader", 1),
         scheduler(options.threads > 0 ? options.threads : default_threads(), scene::prepare_render_thread),
         films(memory_bytes / 4),
+        traces(options.trace.empty() ? nullptr : std::make_unique<TraceLog>(options.trace)),
         tenants({.data = options.data,
                  .authentication = needs_authentication(options),
                  .memory_bytes = memory_bytes / 4 * 3,
@@ -128,8 +138,9 @@ struct Server::Parts {
                                               ? std::optional(checked_scene_root(*options.scene_root))
                                               : std::nullopt,
                             .cache_disk_bytes = options.cache_bytes,
-                            .jobs_outlive_server = options.jobs_outlive_server}},
-                control, writer, loader, scheduler, films),
+                            .jobs_outlive_server = options.jobs_outlive_server,
+                            .task_limits = options.task_limits}},
+                control, writer, loader, scheduler, films, traces.get()),
         scene_service(tenants, control, files),
         render_service(tenants, control, files),
         probe_service(tenants, control),
@@ -147,6 +158,7 @@ struct Server::Parts {
   TaskQueue loader;
   Scheduler scheduler;
   FilmBudget films;
+  std::unique_ptr<TraceLog> traces;
   Tenants tenants;
   SceneServiceImplementation scene_service;
   RenderServiceImplementation render_service;
@@ -157,6 +169,7 @@ struct Server::Parts {
   ServerServiceImplementation server_service;
   std::optional<Sweeper> sweeper;
   std::optional<MetricsEndpoint> metrics;
+  std::optional<SelfProbe> self_probe;
   std::unique_ptr<grpc::Server> server;
   std::string target;
 };
@@ -210,6 +223,12 @@ Server::Server(const ServerOptions& options) {
   }
   parts_->target = address.is_network ? address.host + ":" + std::to_string(port) : address.target;
   parts_->sweeper.emplace(parts_->tenants);
+  parts_->self_probe.emplace(parts_->target, !options.tls.certificate.empty(), [this] {
+    spdlog::critical("the server takes no connections any more and ends, to be started again");
+    parts_->server->GetHealthCheckService()->SetServingStatus(false);
+    dead_ = true;
+    ::kill(::getpid(), SIGTERM);
+  });
   if (!options.metrics.empty()) {
     parts_->metrics.emplace(options.metrics, parts_->tenants, parts_->scheduler, options.data);
   }
@@ -222,6 +241,7 @@ const std::string& Server::target() const { return parts_->target; }
 void Server::stop() {
   if (!parts_) return;
   Parts& parts = *parts_;
+  parts.self_probe.reset();
   const Clock::time_point drain_end = Clock::now() + seconds(limits::drain_seconds);
   if (parts.server) parts.server->GetHealthCheckService()->SetServingStatus(false);
   const std::vector<Tenant*> tenants = parts.tenants.all();
@@ -237,11 +257,15 @@ void Server::stop() {
     parts.server->Shutdown(std::chrono::system_clock::now() +
                            std::chrono::milliseconds(static_cast<int64_t>(1000 * limits::shutdown_seconds)));
   }
-  if (!parts.loader.idle()) {
-    // A scene that takes long to load can't be interrupted, and nothing is lost with it: files appear in the
-    // data directory only when they are whole.
-    spdlog::info("ending in the middle of loading a scene");
-    std::_Exit(0);
+  const Clock::time_point shutdown_end = Clock::now() + seconds(limits::shutdown_seconds);
+  while (parts.scheduler.busy() > 0 && Clock::now() < shutdown_end) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  if (!parts.loader.idle() || parts.scheduler.busy() > 0) {
+    // A scene that takes long to load and a task that is stuck can't be interrupted, and nothing is lost with
+    // them: files appear in the data directory only when they are whole.
+    spdlog::info("ending in the middle of {}", parts.loader.idle() ? "a task" : "loading a scene");
+    std::_Exit(exit_code());
   }
   parts.metrics.reset();
   parts.sweeper.reset();

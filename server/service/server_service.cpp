@@ -86,7 +86,7 @@ grpc::ServerUnaryReactor* ServerServiceImplementation::GetServerStatus(
     grpc::CallbackServerContext* context, const v1::GetServerStatusRequest*,
     v1::GetServerStatusResponse* response) {
   return answer(context, control_, [this, context, response] {
-    const Tenant& tenant = tenants_.enter(*context, "ServerService.GetServerStatus");
+    Tenant& tenant = tenants_.enter(*context, "ServerService.GetServerStatus");
     *response->mutable_start_time() = start_time_;
     response->set_uptime_seconds(to_seconds(Clock::now() - start_));
     const JobTable::Counts jobs = tenant.jobs.counts();
@@ -121,6 +121,15 @@ grpc::ServerUnaryReactor* ServerServiceImplementation::GetServerStatus(
     const std::filesystem::space_info space = std::filesystem::space(data_, unknown);
     if (!unknown) response->set_disk_free_bytes(static_cast<int64_t>(space.available));
     response->set_tenant(tenant.name);
+    for (const QuotaUse& use : tenant.quota_uses()) {
+      v1::QuotaUse& message = *response->add_quotas();
+      message.set_name(use.name);
+      message.set_unit(use.unit);
+      message.set_limit(use.limit);
+      message.set_used(use.used);
+      message.set_window_seconds(use.window_seconds);
+      message.set_retry_after_seconds(use.retry_after_seconds);
+    }
   });
 }
 

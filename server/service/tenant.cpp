@@ -7,25 +7,33 @@
 
 namespace fogbank::service {
 
-Tenant::Tenant(std::string name_to_use, int number, const std::filesystem::path& folder,
+Tenant::Tenant(std::string name_to_use, int number_to_use, const std::filesystem::path& folder,
                const TenantSettings& settings, SharedServices& shared)
     : name(std::move(name_to_use)),
-      blobs(folder / "blobs"),
+      number(number_to_use),
+      quota(name, number, folder, shared.quotas, shared.scheduler),
+      blobs(folder / "blobs", &quota),
       scenes({.folder = folder / "scenes", .scene_root = settings.scene_root}, blobs, shared.loader),
       caches({.folder = folder / "caches", .disk_budget_bytes = settings.cache_disk_bytes}),
-      jobs({.folder = folder / "jobs", .group = number, .jobs_outlive_server = settings.jobs_outlive_server},
-           scenes, caches, blobs, shared.scheduler, shared.writer, shared.films, shared.films_freed,
+      jobs({.folder = folder / "jobs",
+            .group = number,
+            .jobs_outlive_server = settings.jobs_outlive_server,
+            .task_limits = settings.task_limits,
+            .traces = shared.traces},
+           scenes, caches, blobs, quota, shared.scheduler, shared.writer, shared.films, shared.films_freed,
            [this] { pump.news(); }),
       probes{.scenes = scenes,
              .scheduler = shared.scheduler,
              .control = shared.control,
              .pump = probe_pump,
+             .quota = quota,
              .group = number},
       fills{.scenes = scenes,
             .caches = caches,
             .scheduler = shared.scheduler,
             .control = shared.control,
             .pump = fill_pump,
+            .quota = quota,
             .group = number},
       replicas([this] { perform_pump.news(); }),
       performs{.scheduler = shared.scheduler, .pump = perform_pump, .group = number} {}
@@ -35,9 +43,11 @@ void Tenant::sweep() {
   in_use.merge(jobs.blobs_in_use());
   blobs.sweep(in_use, std::chrono::seconds(static_cast<int64_t>(limits::blob_lifetime_seconds)),
               std::chrono::seconds(static_cast<int64_t>(limits::partial_upload_lifetime_seconds)));
-  caches.keep_within_budget();
+  caches.keep_within_budget(quota.cache_bytes());
   replicas.sweep();
 }
+
+std::vector<QuotaUse> Tenant::quota_uses() { return quota.uses(jobs.unfinished(), pump.streams()); }
 
 void Tenant::shut_down() {
   scenes.shut_down();

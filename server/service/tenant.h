@@ -6,6 +6,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "service/blob_store.h"
 #include "service/cache_registry.h"
@@ -17,6 +18,7 @@
 #include "service/replica_table.h"
 #include "service/scene_registry.h"
 #include "service/stream_pump.h"
+#include "service/tenant_quota.h"
 
 namespace fogbank::service {
 
@@ -27,6 +29,8 @@ struct SharedServices {
   TaskQueue& loader;
   Scheduler& scheduler;
   FilmBudget& films;
+  QuotaFile& quotas;
+  TraceLog* traces;                   ///< null: nothing is traced
   std::function<void()> films_freed;  ///< waiting jobs, of whomever, may fit now
 };
 
@@ -34,13 +38,14 @@ struct TenantSettings {
   std::optional<std::filesystem::path> scene_root;
   int64_t cache_disk_bytes = 0;  ///< 0: no limit
   bool jobs_outlive_server = true;
+  TaskLimits task_limits;
 };
 
 /// Nothing of one tenant can be named by another: each has a folder and tables of its own, so that a name
 /// means something else, or nothing, to everybody else. Members in the order of their dependence.
 class Tenant {
  public:
-  /// Reads `folder`. `number` is its group in the scheduler. Throws as JobTable.
+  /// Reads `folder`. Throws as JobTable.
   Tenant(std::string name, int number, const std::filesystem::path& folder, const TenantSettings& settings,
          SharedServices& shared);
 
@@ -53,7 +58,12 @@ class Tenant {
   /// Ends the threads that feed its streams.
   void close();
 
+  /// How much of its quota is used; may wait for the disk.
+  std::vector<QuotaUse> quota_uses();
+
   const std::string name;  ///< empty where nobody is asked who they are
+  const int number;        ///< its group in the scheduler
+  TenantQuota quota;
   StreamPump pump;
   StreamPump probe_pump;
   StreamPump fill_pump;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/files.h"
+
 namespace fogbank::service {
 
 namespace fs = std::filesystem;
@@ -19,13 +21,16 @@ std::string_view view(const grpc::string_ref& text) { return {text.data(), text.
 }  // namespace
 
 Tenants::Tenants(Settings settings, TaskQueue& control, TaskQueue& writer, TaskQueue& loader,
-                 Scheduler& scheduler, FilmBudget& films)
+                 Scheduler& scheduler, FilmBudget& films, TraceLog* traces)
     : settings_(std::move(settings)),
+      quotas_(settings_.data / "quotas.json"),
       shared_{.control = control,
               .writer = writer,
               .loader = loader,
               .scheduler = scheduler,
               .films = films,
+              .quotas = quotas_,
+              .traces = traces,
               .films_freed =
                   [this] {
                     for (Tenant* const tenant : all()) tenant->jobs.admit();
@@ -61,7 +66,7 @@ Tenant& Tenants::open(const std::string& name) {
   if (Tenant* const tenant = known()) return *tenant;
   const int number = static_cast<int>(all().size());
   const fs::path folder = name.empty() ? settings_.data : settings_.data / "tenants" / name;
-  fs::create_directories(folder);
+  create_folder_durably(folder);
   auto tenant = std::make_unique<Tenant>(name, number, folder, settings_.tenant, shared_);
   Tenant& opened = *tenant;
   {

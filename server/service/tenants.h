@@ -31,8 +31,9 @@ class Tenants {
     TenantSettings tenant;
   };
 
+  /// `traces` null: nothing is traced.
   Tenants(Settings settings, TaskQueue& control, TaskQueue& writer, TaskQueue& loader, Scheduler& scheduler,
-          FilmBudget& films);
+          FilmBudget& films, TraceLog* traces);
 
   /// Opens the tenants of earlier lives, and goes on with their jobs.
   void open_known();
@@ -48,6 +49,7 @@ class Tenants {
   Tenant& open(const std::string& name);
 
   const Settings settings_;
+  QuotaFile quotas_;
   SharedServices shared_;
   TokenFile tokens_;
   std::unique_ptr<AuditLog> audit_;  ///< with authentication only

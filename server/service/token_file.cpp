@@ -1,13 +1,13 @@
 #include "service/token_file.h"
 
 #include <openssl/crypto.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <chrono>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
+#include <utility>
 
-#include "core/files.h"
 #include "core/sha256.h"
 #include "service/rpc_error.h"
 
@@ -16,7 +16,6 @@ namespace fogbank::service {
 namespace {
 
 constexpr std::string_view prefix = "fogbank_";
-constexpr int64_t max_file_bytes = 16 << 20;
 
 RpcError refused(const char* reason, const char* message) {
   return {grpc::StatusCode::UNAUTHENTICATED, reason, message};
@@ -30,10 +29,12 @@ bool is_tenant_name(std::string_view name) {
   });
 }
 
-std::map<std::string, TokenFile::Token, std::less<>> TokenFile::parse(const std::string& text) {
+TokenFile::TokenFile(std::filesystem::path path) : file_(std::move(path), &TokenFile::parse) {}
+
+TokenFile::Tokens TokenFile::parse(const std::string& text) {
   const nlohmann::json file = nlohmann::json::parse(text);
   if (file.at("version").get<int>() != 1) throw std::runtime_error("it is of another version");
-  std::map<std::string, Token, std::less<>> tokens;
+  Tokens tokens;
   for (const nlohmann::json& entry : file.at("tokens")) {
     Token token;
     const auto id = entry.at("id").get<std::string>();
@@ -53,27 +54,6 @@ std::map<std::string, TokenFile::Token, std::less<>> TokenFile::parse(const std:
   return tokens;
 }
 
-void TokenFile::refresh() {
-  const Clock::time_point now = Clock::now();
-  if (now < next_look_) return;
-  next_look_ = now + std::chrono::seconds(1);
-  try {
-    if (!std::filesystem::exists(path_)) {
-      tokens_.clear();
-      version_.reset();
-      return;
-    }
-    const Version version{.time = std::filesystem::last_write_time(path_),
-                          .size = std::filesystem::file_size(path_)};
-    if (version_ == version) return;
-    tokens_ = parse(read_file(path_, max_file_bytes));
-    version_ = version;
-  } catch (const std::exception& error) {
-    spdlog::error("{} can't be read, the tokens from before count: {}", path_.filename().string(),
-                  error.what());
-  }
-}
-
 Identity TokenFile::identify(std::string_view token) {
   const RpcError unknown = refused("TOKEN_INVALID", "the token is none of this server's");
   if (!token.starts_with(prefix)) throw unknown;
@@ -83,9 +63,9 @@ Identity TokenFile::identify(std::string_view token) {
   const std::string secret_sha256 = sha256(token.substr(end_of_id + 1));
 
   const std::lock_guard lock(mutex_);
-  refresh();
-  const auto found = tokens_.find(token.substr(0, end_of_id));
-  if (found == tokens_.end()) throw unknown;
+  const Tokens& tokens = file_.get();
+  const auto found = tokens.find(token.substr(0, end_of_id));
+  if (found == tokens.end()) throw unknown;
   const Token& known = found->second;
   // Ids are no secrets; the rest takes the same time whatever it is.
   if (known.secret_sha256.size() != secret_sha256.size() ||

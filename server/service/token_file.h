@@ -1,7 +1,6 @@
 // The bearer tokens that a server accepts, as `fogbank token` writes them.
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -12,7 +11,7 @@
 #include <string_view>
 
 #include "service/access.h"
-#include "service/scheduling/clock.h"
+#include "service/watched_file.h"
 
 namespace fogbank::service {
 
@@ -32,7 +31,7 @@ bool is_tenant_name(std::string_view name);
 /// count. Thread-safe.
 class TokenFile {
  public:
-  explicit TokenFile(std::filesystem::path path) : path_(std::move(path)) {}
+  explicit TokenFile(std::filesystem::path path);
 
   /// The identity of "fogbank_{id}_{secret}". Throws RpcError UNAUTHENTICATED: TOKEN_INVALID for one that
   /// this server never gave out, TOKEN_EXPIRED, TOKEN_REVOKED.
@@ -45,21 +44,12 @@ class TokenFile {
     std::optional<int64_t> expires;
     bool revoked = false;
   };
-  struct Version {
-    std::filesystem::file_time_type time;
-    uintmax_t size = 0;
-    bool operator==(const Version&) const = default;
-  };
+  using Tokens = std::map<std::string, Token, std::less<>>;  ///< by id
 
-  /// With `mutex_` held.
-  void refresh();
-  static std::map<std::string, Token, std::less<>> parse(const std::string& text);
+  static Tokens parse(const std::string& text);
 
-  const std::filesystem::path path_;
   std::mutex mutex_;
-  std::map<std::string, Token, std::less<>> tokens_;  ///< by id
-  std::optional<Version> version_;
-  Clock::time_point next_look_;
+  WatchedFile<Tokens> file_;
 };
 
 }  // namespace fogbank::service

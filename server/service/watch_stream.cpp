@@ -26,6 +26,7 @@ class WatchStream final : public grpc::ServerWriteReactor<v1::WatchJobResponse>,
 
   void start(std::shared_ptr<Job> job, const WatchCursor::Options& options) {
     job_ = std::move(job);
+    begin_ = std::chrono::system_clock::now();
     job_->attach();
     cursor_.emplace(options, Clock::now());
     self_ = shared_from_this();
@@ -56,6 +57,8 @@ class WatchStream final : public grpc::ServerWriteReactor<v1::WatchJobResponse>,
       if (cancelled_) return finish(cancel_status());
       if (!next.message) return {.state = State::waiting, .retry_at = next.retry_at};
       message_ = std::move(*next.message);
+      bytes_ += static_cast<int64_t>(message_.ByteSizeLong());
+      if (message_.has_tile()) ++tiles_;
       last_written_ = next.last;
       writing_ = true;
       write_start_ = Clock::now();
@@ -99,6 +102,17 @@ class WatchStream final : public grpc::ServerWriteReactor<v1::WatchJobResponse>,
   /// With `mutex_` held and no write outstanding.
   Step finish(const grpc::Status& status) {
     finished_ = true;
+    if (const auto trace = job_->trace_context()) {
+      job_->traces()->write({.parent = *trace,
+                             .id = new_span_id(),
+                             .name = "send",
+                             .begin = begin_,
+                             .end = std::chrono::system_clock::now(),
+                             .attributes = {{"fogbank.job", job_name(job_->id())},
+                                            {"fogbank.tiles", tiles_},
+                                            {"fogbank.bytes", bytes_}},
+                             .failed = !status.ok()});
+    }
     Finish(status);
     return {.state = State::finished, .retry_at = {}};
   }
@@ -117,6 +131,9 @@ class WatchStream final : public grpc::ServerWriteReactor<v1::WatchJobResponse>,
   std::optional<WatchCursor> cursor_;  ///< of the pump's thread
   v1::WatchJobResponse message_;       ///< of the outstanding write
   std::shared_ptr<WatchStream> self_;  ///< until OnDone
+  Span::Time begin_;
+  int64_t tiles_ = 0;  ///< written
+  int64_t bytes_ = 0;
 
   std::mutex mutex_;
   bool writing_ = false;
@@ -150,14 +167,17 @@ WatchCursor::Options options_of(const v1::WatchJobRequest& request) {
 
 grpc::ServerWriteReactor<v1::WatchJobResponse>* start_watch(grpc::CallbackServerContext& context,
                                                             const v1::WatchJobRequest& request,
-                                                            const JobTable& jobs, StreamPump& pump) {
+                                                            const JobTable& jobs, const TenantQuota& quota,
+                                                            StreamPump& pump) {
   const auto stream = std::make_shared<WatchStream>(context, pump);
   try {
     const WatchCursor::Options options = options_of(request);
     if (pump.streams() >= static_cast<size_t>(limits::max_watchers)) {
       throw RpcError(grpc::StatusCode::RESOURCE_EXHAUSTED, "TOO_MANY_WATCHERS",
-                     "too many WatchJob streams are open", {{"limit", "max_watchers"}});
+                     "too many WatchJob streams are open", {{"limit", "max_watchers"}})
+          .retry_after(limits::quota_retry_seconds);
     }
+    quota.require_watcher(pump.streams());
     stream->start(jobs.find(parse_job_name(request.name())), options);
   } catch (...) {
     stream->refuse(status_of(std::current_exception()));

@@ -94,11 +94,20 @@ def error_info(error: grpc.RpcError) -> error_details_pb2.ErrorInfo:
     assert isinstance(error, grpc.Call)
     status = rpc_status.from_call(error)
     assert status is not None, f"no details: {error}"
-    assert len(status.details) == 1
     info = error_details_pb2.ErrorInfo()
     assert status.details[0].Unpack(info)
     assert info.domain == "fogbank"
     return info
+
+
+def retry_seconds(error: grpc.RpcError) -> float | None:
+    """The RetryInfo of an error, if it has one."""
+    assert isinstance(error, grpc.Call)
+    status = rpc_status.from_call(error)
+    assert status is not None
+    info = error_details_pb2.RetryInfo()
+    found = next((detail for detail in status.details if detail.Unpack(info)), None)
+    return None if found is None else info.retry_delay.ToTimedelta().total_seconds()
 
 
 def decode(exr: bytes) -> tuple[scene.Window, Pixels]:
@@ -151,18 +160,29 @@ class Canvas:
 class Server:
     """A fogbankd process."""
 
-    def __init__(self, data: Path, *arguments: str, listen: str = "127.0.0.1:0") -> None:
-        """Starts it and waits until it is ready."""
+    def __init__(
+        self,
+        data: Path,
+        *arguments: str,
+        listen: str = "127.0.0.1:0",
+        binary: Path | None = None,
+        environment: Mapping[str, str] | None = None,
+        descriptors: int | None = None,
+    ) -> None:
+        """Starts it and waits until it is ready; `descriptors` limits those that it may have open."""
         self.data = data
         data.mkdir(parents=True, exist_ok=True)
         port_file = data / "port"
         port_file.unlink(missing_ok=True)
         self.log_path = data / "log"
+        limit = () if descriptors is None else ("prlimit", f"--nofile={descriptors}:{descriptors}")
+        command: list[str | Path] = [*limit, binary or server_binary(), "--listen", listen, "--data", data]
         with self.log_path.open("ab") as log:
             self.process = subprocess.Popen(
-                [server_binary(), "--listen", listen, "--data", data, "--port-file", port_file, *arguments],
+                [*command, "--port-file", port_file, *arguments],
                 stdin=subprocess.PIPE,
                 stderr=log,
+                env={**os.environ, **(environment or {})},
             )
         end = time.monotonic() + PATIENCE_SECONDS
         while not port_file.exists():

@@ -23,6 +23,7 @@ from fogbank_cli.join import join
 from fogbank_cli.openjd import openjd
 from fogbank_cli.plan import plan
 from fogbank_cli.probe import probe
+from fogbank_cli.quota import quota
 from fogbank_cli.reference import reference
 from fogbank_cli.render import render
 from fogbank_cli.reproduce import reproduce
@@ -48,6 +49,7 @@ COMMANDS: tuple[click.Command, ...] = (
     cache,
     server,
     token,
+    quota,
     tls,
     compare,
     reference,

@@ -11,6 +11,7 @@ from fogbank.paths import server_binary
 from fogbank_cli.session import Session, pass_session
 
 DEFAULT_ADDRESS = "127.0.0.1:7070"
+_SECONDS = click.FloatRange(min=0, min_open=True)
 _PEM = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 
@@ -27,6 +28,10 @@ _PEM = click.Path(exists=True, dir_okay=False, path_type=Path)
 @click.option("--require-tokens", is_flag=True, help="Ask every caller for a token, on loopback and sockets, too.")
 @click.option("--insecure-any-address", is_flag=True, help="Listen where others can reach it, without TLS and tokens.")
 @click.option("--log-level", type=click.Choice(["debug", "info", "warning", "error", "off"]), help="Default: info.")
+@click.option("--log-format", type=click.Choice(["text", "json"]), help="json: an object a line. Default: text.")
+@click.option("--trace", type=click.Path(path_type=Path), help="File for the spans of jobs, OTLP/JSON lines.")
+@click.option("--task-report", type=_SECONDS, metavar="SECONDS", help="A tile that runs longer is reported.")
+@click.option("--task-limit", type=_SECONDS, metavar="SECONDS", help="A tile that runs longer ends its job.")
 @click.option("--port-file", type=click.Path(path_type=Path), help="Written when the server is ready.")
 @pass_session
 def serve(
@@ -44,6 +49,10 @@ def serve(
     require_tokens: bool,
     insecure_any_address: bool,
     log_level: str | None,
+    log_format: str | None,
+    trace: Path | None,
+    task_report: float | None,
+    task_limit: float | None,
     port_file: Path | None,
 ) -> None:
     """Run a server in the foreground until SIGINT or SIGTERM."""
@@ -60,6 +69,10 @@ def serve(
         "--tls-key": tls_key,
         "--tls-client-ca": tls_client_ca,
         "--log-level": log_level,
+        "--log-format": log_format,
+        "--trace": trace,
+        "--task-report": task_report,
+        "--task-limit": task_limit,
         "--port-file": port_file,
     }
     for option, value in options.items():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import click
+from fogbank import QuotaUse
 
 from fogbank_cli.output import duration, quantity
 from fogbank_cli.session import Session, json_option, pass_session
@@ -42,6 +43,8 @@ def status(session: Session, /) -> None:
         lines["failed"] = ", ".join(f"{count} {reason}" for reason, count in now.errors.items())
     if now.tenant is not None:
         lines["tenant"] = now.tenant
+    if now.quotas:
+        lines["quotas"] = "; ".join(_quota(name, use) for name, use in now.quotas.items())
     for label, text in lines.items():
         output.text(f"  {label:<10}{text}")
 
@@ -68,3 +71,11 @@ def capabilities(session: Session, /) -> None:
     output.text("limits:")
     for name, limit in what.limits.items():
         output.text(f"  {name}: {limit.value:.15g} {limit.unit} ({limit.description})")
+
+
+def _quota(name: str, use: QuotaUse) -> str:
+    unit = {"bytes": "B", "seconds": "s"}.get(use.unit, "")
+    text = f"{name} {quantity(use.used, unit).strip()} of {quantity(use.limit, unit).strip()}"
+    if use.window_seconds:
+        text += f" in {duration(use.window_seconds)}"
+    return f"{text}, exhausted: retry in {duration(use.retry_after_seconds)}" if use.retry_after_seconds else text

@@ -44,6 +44,15 @@ class Session:
 pass_session = click.make_pass_decorator(Session)
 
 
+def data_directory(session: Session, command: str) -> Path:
+    """The data directory that `command` works on; a usage error where none is named."""
+    if session.data is None:
+        raise click.UsageError(
+            f"which server? Name its data directory: fogbank --data DIR {command} ..., or FOGBANK_DATA"
+        )
+    return session.data
+
+
 def json_option(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """Adds `--json`. It is handled first, so that errors in the other options are reported as JSON, too."""
 

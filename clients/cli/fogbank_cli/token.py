@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import re
 from datetime import UTC, datetime
-from pathlib import Path
 
 import click
 from fogbank.tokens import SCOPES, TokenFile
 
-from fogbank_cli.session import Session, json_option, pass_session
+from fogbank_cli.session import Session, data_directory, json_option, pass_session
 
 _UNITS = {"m": 60.0, "h": 3600.0, "d": 86400.0}
 
@@ -52,7 +51,7 @@ def token() -> None:
 @pass_session
 def create(session: Session, /, tenant: str, scopes: tuple[str, ...], expires: float | None) -> None:
     """Make a token and print it; it cannot be shown again."""
-    made, text = TokenFile(_data(session)).create(tenant, scopes, expires)
+    made, text = TokenFile(data_directory(session, "token")).create(tenant, scopes, expires)
     session.output.event("token", id=made.id, tenant=made.tenant, scopes=made.scopes, token=text)
     session.output.text(text)
 
@@ -63,7 +62,7 @@ def create(session: Session, /, tenant: str, scopes: tuple[str, ...], expires: f
 def list_tokens(session: Session, /) -> None:
     """List tokens, oldest first."""
     rows = []
-    for item in TokenFile(_data(session)).read():
+    for item in TokenFile(data_directory(session, "token")).read():
         session.output.event(
             "token",
             id=item.id,
@@ -86,15 +85,9 @@ def list_tokens(session: Session, /) -> None:
 def revoke(session: Session, /, ids: tuple[str, ...]) -> None:
     """End the tokens IDS, as `fogbank token ls` shows them, for good."""
     for token_id in ids:
-        ended = TokenFile(_data(session)).revoke(token_id)
+        ended = TokenFile(data_directory(session, "token")).revoke(token_id)
         session.output.event("revoked", id=ended.id, tenant=ended.tenant)
         session.output.text(f"{ended.id}: revoked")
-
-
-def _data(session: Session) -> Path:
-    if session.data is None:
-        raise click.UsageError("which server? Name its data directory: fogbank --data DIR token ..., or FOGBANK_DATA")
-    return session.data
 
 
 def _time(seconds: int) -> str:

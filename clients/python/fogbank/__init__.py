@@ -27,7 +27,7 @@ from fogbank.cache import (
 from fogbank.cache_view import CacheComponent, CacheView, Plan, RecordExtents
 from fogbank.camera import CameraLike
 from fogbank.camera_path import interpolate, orbit, read_keyframes
-from fogbank.capabilities import Capabilities, Limit, ServerStatus
+from fogbank.capabilities import Capabilities, Limit, QuotaUse, ServerStatus
 from fogbank.comparison import compare
 from fogbank.credentials import Credentials
 from fogbank.errors import (
@@ -54,13 +54,15 @@ from fogbank.errors import (
 from fogbank.flatland import FlatlandEstimates, FlatlandOptions, FlatlandScene
 from fogbank.flatland_cache import FlatlandCache, FlatlandExtents
 from fogbank.image import Image, to_srgb
-from fogbank.job import ErrorReport, Job, JobEvent, JobState, Progress, RenderStatistics, TrueError
+from fogbank.job import Job, JobEvent
+from fogbank.job_report import ErrorReport, JobState, Progress, RenderStatistics, TrueError
 from fogbank.pixels import Tile, place
 from fogbank.probe import PlanTerm, ProbeField, ProbeOptions, ProbeResult
 from fogbank.retry import RetryPolicy
 from fogbank.scene import Bounds, LoadTimes, RenderDefaults, Scene, SceneStatistics
 from fogbank.service import Service, connect
 from fogbank.settings import RenderOptions
+from fogbank.tracing import trace
 from fogbank.upload import UploadProgress
 from fogbank.window import Window
 
@@ -108,6 +110,7 @@ __all__ = [
     "ProbeOptions",
     "ProbeResult",
     "Progress",
+    "QuotaUse",
     "RecordExtents",
     "RenderDefaults",
     "RenderOptions",
@@ -135,4 +138,5 @@ __all__ = [
     "place",
     "read_keyframes",
     "to_srgb",
+    "trace",
 ]

@@ -70,6 +70,26 @@ class Capabilities:
 
 
 @dataclass(frozen=True)
+class QuotaUse:
+    """How much of one quota is used."""
+
+    unit: str
+    """count, bytes or seconds."""
+
+    limit: float
+    """Most that may be used."""
+
+    used: float
+    """What is used."""
+
+    window_seconds: float
+    """What CPU seconds are counted over; 0 for the other quotas."""
+
+    retry_after_seconds: float
+    """When to ask again; 0 while the quota is not exhausted."""
+
+
+@dataclass(frozen=True)
 class ServerStatus:
     """How busy a server is."""
 
@@ -136,6 +156,9 @@ class ServerStatus:
     tenant: str | None
     """Whom the server takes this client for; None where it asks nobody."""
 
+    quotas: dict[str, QuotaUse]
+    """This client's quotas by name, those that are set."""
+
     @classmethod
     def from_message(cls, message: server_pb2.GetServerStatusResponse) -> ServerStatus:
         """The status of a wire message."""
@@ -169,4 +192,14 @@ class ServerStatus:
             disk_free_bytes=message.disk_free_bytes,
             errors={error.reason: error.count for error in message.errors},
             tenant=message.tenant or None,
+            quotas={
+                quota.name: QuotaUse(
+                    unit=quota.unit,
+                    limit=quota.limit,
+                    used=quota.used,
+                    window_seconds=quota.window_seconds,
+                    retry_after_seconds=quota.retry_after_seconds,
+                )
+                for quota in message.quotas
+            },
         )

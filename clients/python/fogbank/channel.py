@@ -20,6 +20,7 @@ from fogbank._generated.v1.server_pb2_grpc import ServerServiceStub
 from fogbank.credentials import Credentials
 from fogbank.errors import FogbankError, UnavailableError, from_rpc_error
 from fogbank.retry import Backoff, RetryPolicy
+from fogbank.tracing import trace_metadata
 
 # The same table as GetCapabilities.channel_arguments; an end-to-end test compares the two.
 CHANNEL_OPTIONS: tuple[tuple[str, int], ...] = (
@@ -38,6 +39,8 @@ CHANNEL_OPTIONS: tuple[tuple[str, int], ...] = (
 # Large enough for full throughput, small enough that a broken stream repeats little; see also max_upload_chunk_bytes.
 UPLOAD_CHUNK_BYTES = 256 * 1024
 
+Metadata = tuple[tuple[str, str | bytes], ...]
+
 Request_contra = TypeVar("Request_contra", contravariant=True)
 Response_co = TypeVar("Response_co", covariant=True)
 
@@ -49,7 +52,9 @@ _inherited_channels: list[grpc.Channel] = []
 class UnaryCall(Protocol[Request_contra, Response_co]):
     """A unary method of a stub."""
 
-    def __call__(self, request: Request_contra, timeout: float | None = None) -> Response_co:
+    def __call__(
+        self, request: Request_contra, timeout: float | None = None, metadata: Metadata | None = None
+    ) -> Response_co:
         """Sends the request and waits for the answer, at most `timeout` seconds."""
         ...
 
@@ -152,7 +157,7 @@ class Connection:
         backoff = Backoff(self.retry_policy)
         while True:
             try:
-                return method(self.stubs)(request, timeout=timeout)
+                return method(self.stubs)(request, timeout=timeout, metadata=trace_metadata())
             except grpc.RpcError as rpc_error:
                 error = self.translate(rpc_error)
                 if not idempotent:

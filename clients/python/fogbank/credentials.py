@@ -105,41 +105,11 @@ class _Bearer(
     ) -> Result:
         return proceed(_Details(details, (*(details.metadata or ()), self._header)), request)
 
-    def intercept_unary_unary(
-        self,
-        continuation: Callable[[grpc.ClientCallDetails, Request], Result],
-        client_call_details: grpc.ClientCallDetails,
-        request: Request,
-    ) -> Result:
-        """As in gRPC."""
-        return self._intercept(continuation, client_call_details, request)
-
-    def intercept_unary_stream(
-        self,
-        continuation: Callable[[grpc.ClientCallDetails, Request], Result],
-        client_call_details: grpc.ClientCallDetails,
-        request: Request,
-    ) -> Result:
-        """As in gRPC."""
-        return self._intercept(continuation, client_call_details, request)
-
-    def intercept_stream_unary(
-        self,
-        continuation: Callable[[grpc.ClientCallDetails, Request], Result],
-        client_call_details: grpc.ClientCallDetails,
-        request_iterator: Request,
-    ) -> Result:
-        """As in gRPC."""
-        return self._intercept(continuation, client_call_details, request_iterator)
-
-    def intercept_stream_stream(
-        self,
-        continuation: Callable[[grpc.ClientCallDetails, Request], Result],
-        client_call_details: grpc.ClientCallDetails,
-        request_iterator: Request,
-    ) -> Result:
-        """As in gRPC."""
-        return self._intercept(continuation, client_call_details, request_iterator)
+    # gRPC passes the arguments by position; its stubs want their names, too.
+    intercept_unary_unary = _intercept  # type: ignore[assignment]
+    intercept_unary_stream = _intercept  # type: ignore[assignment]
+    intercept_stream_unary = _intercept  # type: ignore[assignment]
+    intercept_stream_stream = _intercept  # type: ignore[assignment]
 
 
 class _Details(grpc.ClientCallDetails):

@@ -22,6 +22,7 @@ class FogbankError(Exception):
         reason: stable word such as "SCENE_NOT_FOUND"; empty when the error did not come from a Fogbank server.
         metadata: names the field, path or limit concerned.
         code: the canonical gRPC code; None for errors that this package found by itself.
+        retry_after_seconds: when asking again may help, if the server said so.
     """
 
     def __init__(
@@ -38,6 +39,7 @@ class FogbankError(Exception):
         self.reason = reason
         self.metadata = dict(metadata or {})
         self.code = code
+        self.retry_after_seconds: float | None = None
 
 
 class InvalidArgumentError(FogbankError):
@@ -144,7 +146,9 @@ def from_rpc_error(error: grpc.RpcError) -> FogbankError:
         # Code or message of the details differ from the call's own: not from a Fogbank server.
         status = None
     reason, metadata = _error_info(status) if status else ("", {})
-    return ERROR_CLASSES.get(code, InternalError)(message, reason=reason, metadata=metadata, code=code)
+    exception = ERROR_CLASSES.get(code, InternalError)(message, reason=reason, metadata=metadata, code=code)
+    exception.retry_after_seconds = _retry_delay(status) if status else None
+    return exception
 
 
 def scene_error(error: FogbankError) -> FogbankError:
@@ -181,3 +185,11 @@ def _error_info(status: status_pb2.Status) -> tuple[str, dict[str, str]]:
         if detail.Unpack(info) and info.domain == ERROR_DOMAIN:
             return info.reason, dict(info.metadata)
     return "", {}
+
+
+def _retry_delay(status: status_pb2.Status) -> float | None:
+    for detail in status.details:
+        info = error_details_pb2.RetryInfo()
+        if detail.Unpack(info):
+            return float(info.retry_delay.ToTimedelta().total_seconds())
+    return None

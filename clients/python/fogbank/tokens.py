@@ -6,25 +6,19 @@ The file holds no token, only hashes of their secrets, which are random and 256 
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
-import json
-import os
 import re
 import secrets
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import BinaryIO
 
-from fogbank.atomic_file import write_atomically
+from fogbank.data_files import DataFile
 from fogbank.errors import InvalidArgumentError, NotFoundError
 
 SCOPES = ("render", "upload", "admin")
 TENANT_NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,31}")
-_VERSION = 1
 
 
 @dataclass(frozen=True)
@@ -52,21 +46,14 @@ class TokenFile:
 
     def __init__(self, data: Path) -> None:
         """Neither reads nor writes yet."""
-        self._path = data / "tokens.json"
+        self._file = DataFile(data / "tokens.json", "tokens")
 
     def read(self) -> list[Token]:
         """All tokens, oldest first; InvalidArgumentError for a file that is none of ours."""
         try:
-            text = self._path.read_text(encoding="utf-8")
-        except FileNotFoundError:
-            return []
-        try:
-            content = json.loads(text)
-            if content["version"] != _VERSION:
-                raise ValueError(f"it is of version {content['version']}")
-            return [Token(**{**entry, "scopes": tuple(entry["scopes"])}) for entry in content["tokens"]]
-        except (ValueError, KeyError, TypeError) as error:
-            raise InvalidArgumentError(f"{self._path}: {error}") from None
+            return [Token(**{**entry, "scopes": tuple(entry["scopes"])}) for entry in self._file.read() or ()]
+        except (KeyError, TypeError) as error:
+            raise InvalidArgumentError(f"{self._file.path}: {error}") from None
 
     def create(self, tenant: str, scopes: Sequence[str], lifetime_seconds: float | None) -> tuple[Token, str]:
         """A new token, and the text that clients send: nobody can be told that a second time.
@@ -92,13 +79,13 @@ class TokenFile:
             expires=None if lifetime_seconds is None else now + int(lifetime_seconds),
             revoked=None,
         )
-        with self._locked():
+        with self._file.locked():
             self._write([*self.read(), token])
         return token, f"fogbank_{token.id}_{secret}"
 
     def revoke(self, token_id: str) -> Token:
         """Ends a token within a second; NotFoundError for an unknown one. One that is revoked stays so."""
-        with self._locked():
+        with self._file.locked():
             tokens = self.read()
             for index, token in enumerate(tokens):
                 if token.id == token_id:
@@ -108,23 +95,5 @@ class TokenFile:
                     return tokens[index]
         raise NotFoundError(f"there is no token {token_id}")
 
-    @contextmanager
-    def _locked(self) -> Iterator[None]:
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(self._path.with_suffix(".lock"), os.O_RDWR | os.O_CREAT, 0o600)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-            yield
-        finally:
-            os.close(descriptor)
-
     def _write(self, tokens: Sequence[Token]) -> None:
-        content = {"version": _VERSION, "tokens": [asdict(token) for token in tokens]}
-        data = json.dumps(content, indent=1).encode()
-
-        def write(file: BinaryIO) -> None:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())  # what was revoked stays so
-
-        write_atomically(self._path, write)
+        self._file.write([asdict(token) for token in tokens])

@@ -14,6 +14,7 @@
 #include "cache/store/emission.h"
 #include "cache/store/store.h"
 #include "core/error.h"
+#include "core/failpoint.h"
 #include "core/files.h"
 
 namespace fogbank::cache {
@@ -88,7 +89,11 @@ class StoredCache::Lock {
   Lock(const fs::path& folder, Kind kind) {
     if (kind == Kind::exclusive) {
       std::error_code error;
-      fs::create_directories(folder / "segments", error);
+      if (fs::create_directories(folder / "segments", error)) {
+        // Its name, that of the cache and that of the store last.
+        for (const fs::path& changed : {folder, folder.parent_path(), folder.parent_path().parent_path()})
+          sync_folder(changed);
+      }
       if (error) error_ = error.value();
     }
     while (error_ == 0) {
@@ -293,7 +298,9 @@ uint64_t StoredCache::add_segment(const SealedSegment& sealed) {
 }
 
 void StoredCache::write_segment(const SealedSegment& sealed, Contents& contents) const {
+  FOGBANK_FAILPOINT("cache.before_segment");
   write_file_durably(segment_path(sealed.sha256), sealed.bytes);
+  FOGBANK_FAILPOINT("cache.after_segment");
   contents.manifest.segments.push_back(
       {sealed.sha256, sealed.bytes.size(), sealed.records, ++contents.manifest.epoch, now()});
   contents.changed = true;
@@ -312,13 +319,16 @@ bool StoredCache::unite_segments(const Lock& lock, const std::vector<SegmentEntr
   });
   contents.changed = true;
   write_manifest(contents);
+  FOGBANK_FAILPOINT("cache.before_unlink");
   std::error_code error;
   for (const SegmentEntry& entry : read) fs::remove(segment_path(entry.sha256), error);
   return true;
 }
 
 void StoredCache::write_manifest(Contents& contents) const {
+  FOGBANK_FAILPOINT("cache.before_manifest");
   write_file_durably(manifest_path(), to_text(contents.manifest));
+  FOGBANK_FAILPOINT("cache.after_manifest");
   contents.changed = false;
 }
 
@@ -392,6 +402,7 @@ TransferReport StoredCache::export_to(const fs::path& file) {
   Contents contents = read_contents(lock);
   const SealedSegment sealed =
       seal_segment(transport_, read_parts(lock, contents.manifest.segments, contents, nullptr));
+  FOGBANK_FAILPOINT("cache.before_export");
   write_file_durably(file, sealed.bytes);
   TransferReport report = describe_export(file);
   report.epoch = contents.manifest.epoch;
@@ -420,7 +431,9 @@ void StoredCache::remove() {
   // Gone at once for all others; a crash leaves only what no one looks for.
   fs::path removed = folder_;
   removed += ".removed." + std::to_string(::getpid());
+  FOGBANK_FAILPOINT("cache.before_remove");
   rename_durably(folder_, removed);
+  FOGBANK_FAILPOINT("cache.after_remove");
   std::error_code error;
   fs::remove_all(removed, error);
 }

@@ -63,6 +63,20 @@ int Scheduler::busy() const {
   return busy_;
 }
 
+void Scheduler::hold(int group, bool held) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (std::exchange(groups_[group].held, held) == held) return;
+  }
+  wake_.notify_all();
+}
+
+double Scheduler::cpu_seconds(int group) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = groups_.find(group);
+  return found == groups_.end() ? 0 : found->second.cpu_seconds;
+}
+
 double Scheduler::consumed_seconds(const Workload& workload) const {
   const std::lock_guard lock(mutex_);
   for (const auto& entry : entries_) {
@@ -91,6 +105,7 @@ std::pair<std::shared_ptr<Scheduler::Entry>, std::function<void()>> Scheduler::t
                       entry->virtual_time());
   });
   for (const std::shared_ptr<Entry>& entry : order) {
+    if (groups_.at(entry->workload->group()).held) continue;
     if (entry->running >= entry->workload->max_threads()) continue;
     if (std::function<void()> task = entry->workload->take()) return {entry, std::move(task)};
   }
@@ -114,15 +129,18 @@ void Scheduler::work() {
     group.in_advance += in_advance;
     lock.unlock();
     const Clock::time_point start = Clock::now();
+    const double cpu_before = thread_cpu_seconds();
     task();
     task = nullptr;
     const double elapsed = to_seconds(Clock::now() - start);
+    const double cpu = thread_cpu_seconds() - cpu_before;
     lock.lock();
     --entry->running;
     --busy_;
     entry->consumed += elapsed;
     group.in_advance -= in_advance;
     group.time += elapsed;
+    group.cpu_seconds += cpu;
     entry->last_task = elapsed;
     // The end of a task may begin a new pass, which has tasks for everybody who waits.
     wake_.notify_all();

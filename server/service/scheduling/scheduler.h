@@ -51,6 +51,10 @@ class Scheduler {
   void wake();
   int threads() const { return static_cast<int>(threads_.size()); }
   int busy() const;
+  /// No task of a group is taken for as long as it is held; those that run go on.
+  void hold(int group, bool held);
+  /// CPU time of the tasks of a group, since the start.
+  double cpu_seconds(int group) const;
   /// Worker time that a workload has had since it was added, its head start not counted; 0 for an unknown
   /// one.
   double consumed_seconds(const Workload& workload) const;
@@ -71,6 +75,8 @@ class Scheduler {
     double time = 0;        ///< seconds consumed, or counted as such at arrival
     double in_advance = 0;  ///< charged for running tasks
     int workloads = 0;
+    double cpu_seconds = 0;
+    bool held = false;
 
     double virtual_time() const { return time + in_advance; }
   };

@@ -50,6 +50,22 @@ void wait_for(const std::function<bool()>& condition) {
   while (!condition()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
 }
 
+TEST(Scheduler, HoldsAGroupAndLetsItGo) {
+  Scheduler scheduler(2, [] {});
+  const auto held = std::make_shared<SpinningWorkload>(std::chrono::milliseconds(1), 20, 1000, 1);
+  const auto other = std::make_shared<SpinningWorkload>(std::chrono::milliseconds(1), 20, 1000, 2);
+  scheduler.hold(1, true);
+  scheduler.add(held);
+  scheduler.add(other);
+  wait_for([&] { return other->done() == 20; });
+  EXPECT_EQ(held->done(), 0);
+  EXPECT_EQ(scheduler.cpu_seconds(1), 0);
+  scheduler.hold(1, false);
+  wait_for([&] { return held->done() == 20 && scheduler.busy() == 0; });
+  EXPECT_GT(scheduler.cpu_seconds(1), 0);
+  EXPECT_EQ(scheduler.cpu_seconds(3), 0);
+}
+
 TEST(Scheduler, RunsEverythingOnPreparedThreads) {
   static thread_local bool prepared = false;
   std::atomic<int> unprepared = 0;
