@@ -32,7 +32,7 @@ test: build ## build, then every test: C++ units, Python (clients, service, orac
 	@PRESET=$(PRESET) JOBS=$(JOBS) tests/run.sh
 
 test-faults: build ## fault tests at full length: a table of test, figure, bound, verdict
-	@FOGBANK_KILLS=50 $(python) -m pytest tests/faults
+	@FOGBANK_FAULTS=full $(python) -m pytest tests/faults
 
 test-farm: build ## the farm's tests at full length: lost workers, restarts, slow links; a table of figures
 	@$(python) -m pytest tests/farm -m "not soak"

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/failpoint.h"
+#include "core/files.h"
 #include "core/sha256.h"
 #include "service/messages.h"
 #include "service/rpc_error.h"
@@ -153,6 +154,9 @@ JobStore::Connection JobStore::open(const fs::path& path) {
     throw OptionError("the data directory was written by a newer fogbankd (jobs of layout " +
                       std::to_string(version) + "; this one knows " + std::to_string(layout_version) + ")");
   }
+  // The first write makes the log. SQLite syncs its name, too, but takes no notice where that fails.
+  execute(connection.get(), ("PRAGMA user_version = " + std::to_string(layout_version)).c_str());
+  sync_folder(path.parent_path());
   return connection;
 }
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 
 import pytest
 
 Record = Callable[[str, float, float], None]
+
+FULL = os.environ.get("FOGBANK_FAULTS") == "full"
+"""As `make test-faults` runs them; else a short part of each test."""
 
 _FIGURES = pytest.StashKey[list[tuple[str, str, float, float]]]()
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import random
 import threading
 import time
@@ -15,11 +14,10 @@ from fogbank._generated.v1 import cache_pb2 as cache
 from fogbank._generated.v1 import render_pb2 as render
 from fogbank._generated.v1 import scene_pb2 as scene
 
-from tests.faults.conftest import Record
+from tests.faults.conftest import FULL, Record
 from tests.service.harness import Pixels, Server, fog_scene, new_request_id, sha256
 
-# `make test-faults` does fifty.
-KILLS = int(os.environ.get("FOGBANK_KILLS", "4"))
+KILLS = 50 if FULL else 4
 LONGEST_LIFE_SECONDS = 3.0
 RESTART_SECONDS = 5.0
 
