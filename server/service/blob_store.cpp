@@ -62,7 +62,7 @@ std::optional<BlobStore::Blob> BlobStore::find(const std::string& sha256) const 
 }
 
 std::optional<BlobStore::Blob> BlobStore::find_intact(const std::string& sha256) {
-  const auto blob = find(sha256);
+  std::optional<Blob> blob = find(sha256);
   if (!blob) return std::nullopt;
   const FileDescriptor file = open_file(blob->path, O_RDONLY);
   Sha256 hash;

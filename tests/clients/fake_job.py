@@ -6,7 +6,9 @@ import hashlib
 import io
 import threading
 from collections.abc import Iterator
+from typing import NoReturn
 
+import grpc
 import numpy as np
 import numpy.typing as npt
 import OpenEXR
@@ -14,6 +16,7 @@ from fogbank._generated.v1 import render_pb2, scene_pb2
 from fogbank.window import Window
 from google.protobuf import any_pb2
 from google.rpc import error_details_pb2, status_pb2
+from grpc_status import rpc_status
 
 TILE_SIZE = 16
 PASSES = 3
@@ -62,6 +65,11 @@ def status(code: int, reason: str, message: str, **metadata: str) -> status_pb2.
     detail = any_pb2.Any()
     detail.Pack(error_details_pb2.ErrorInfo(reason=reason, domain="fogbank", metadata=metadata))
     return status_pb2.Status(code=code, message=message, details=[detail])
+
+
+def fail(context: grpc.ServicerContext, code: int, reason: str, message: str, **metadata: str) -> NoReturn:
+    """Ends a call with an error."""
+    context.abort_with_status(rpc_status.to_status(status(code, reason, message, **metadata)))
 
 
 def report(passes_done: int) -> render_pb2.ErrorReport:

@@ -14,11 +14,9 @@ import time
 from collections.abc import Iterable, Iterator
 from concurrent import futures
 from dataclasses import dataclass, field
-from typing import NoReturn
 
 import grpc
 from fogbank._generated.v1 import (
-    cache_pb2,
     cache_pb2_grpc,
     probe_pb2,
     probe_pb2_grpc,
@@ -29,11 +27,11 @@ from fogbank._generated.v1 import (
     server_pb2,
     server_pb2_grpc,
 )
-from grpc_status import rpc_status
 
 from tests.clients import fake_probe
-from tests.clients.fake_caches import CACHE, FakeCaches, chunks, file_of, records_of
-from tests.clients.fake_job import CACHED, ENDLESS, FAILING, NORMAL, FakeJob, status
+from tests.clients.fake_cache_service import FakeCacheService
+from tests.clients.fake_caches import CACHE, FakeCaches
+from tests.clients.fake_job import CACHED, ENDLESS, FAILING, NORMAL, FakeJob, fail
 
 CHUNK_LIMIT = 64
 LOAD_SECONDS = 0.25
@@ -79,7 +77,6 @@ class FakeServer(
     scene_pb2_grpc.SceneServiceServicer,
     render_pb2_grpc.RenderServiceServicer,
     probe_pb2_grpc.ProbeServiceServicer,
-    cache_pb2_grpc.CacheServiceServicer,
     server_pb2_grpc.ServerServiceServicer,
 ):
     """The services; `start` makes them reachable.
@@ -118,7 +115,7 @@ class FakeServer(
         scene_pb2_grpc.add_SceneServiceServicer_to_server(self, self._server)
         render_pb2_grpc.add_RenderServiceServicer_to_server(self, self._server)
         probe_pb2_grpc.add_ProbeServiceServicer_to_server(self, self._server)
-        cache_pb2_grpc.add_CacheServiceServicer_to_server(self, self._server)
+        cache_pb2_grpc.add_CacheServiceServicer_to_server(FakeCacheService(self.caches, self.blobs), self._server)
         server_pb2_grpc.add_ServerServiceServicer_to_server(self, self._server)
         port = self._server.add_insecure_port(address)
         self._server.start()
@@ -162,7 +159,7 @@ class FakeServer(
                 for folder in folders
             ]
             if group[0].startswith(".."):
-                self._fail(context, 3, "PATH_OUTSIDE_ROOT", f"{entry.path}:2: <shape>: {reference} is outside the root")
+                fail(context, 3, "PATH_OUTSIDE_ROOT", f"{entry.path}:2: <shape>: {reference} is outside the root")
             groups.append(group)
         return groups
 
@@ -182,28 +179,28 @@ class FakeServer(
         header = next(messages).header
         if self.faults.uploads_in_progress > 0:
             self.faults.uploads_in_progress -= 1
-            self._fail(context, 10, "UPLOAD_IN_PROGRESS", "another stream is writing this blob")
+            fail(context, 10, "UPLOAD_IN_PROGRESS", "another stream is writing this blob")
         data = self.partial.setdefault(header.sha256, bytearray())
         self.upload_offsets.append(header.offset)
         if header.offset == 0:
             data.clear()
         if header.offset != len(data):
-            self._fail(context, 11, "UPLOAD_OFFSET_MISMATCH", "wrong offset", committed_size=str(len(data)))
+            fail(context, 11, "UPLOAD_OFFSET_MISMATCH", "wrong offset", committed_size=str(len(data)))
         left = self.faults.cut_uploads_after.pop(0) if self.faults.cut_uploads_after else None
         for message in messages:
             if left == 0:
                 context.abort(grpc.StatusCode.UNAVAILABLE, "connection lost")
             if len(message.chunk) > CHUNK_LIMIT:
-                self._fail(context, 3, "CHUNK_TOO_LARGE", "chunk too large")
+                fail(context, 3, "CHUNK_TOO_LARGE", "chunk too large")
             data += message.chunk
             self.chunks_received += 1
             left = None if left is None else left - 1
         if len(data) != header.size:
             self.partial.pop(header.sha256)
-            self._fail(context, 3, "BLOB_SIZE_MISMATCH", "more or fewer bytes than declared")
+            fail(context, 3, "BLOB_SIZE_MISMATCH", "more or fewer bytes than declared")
         if hashlib.sha256(data).hexdigest() != header.sha256:
             self.partial.pop(header.sha256)
-            self._fail(context, 3, "BLOB_HASH_MISMATCH", "the bytes have another SHA-256")
+            fail(context, 3, "BLOB_HASH_MISMATCH", "the bytes have another SHA-256")
         self.blobs[header.sha256] = bytes(self.partial.pop(header.sha256))
         return scene_pb2.UploadBlobResponse(committed_size=header.size)
 
@@ -216,13 +213,13 @@ class FakeServer(
         main = next(entry for entry in manifest.entries if entry.path == manifest.main_path)
         text = self.blobs[main.sha256].decode()
         if "<broken" in text:
-            self._fail(context, 3, "SCENE_INVALID", f"{main.path}:2: <broken>: unknown element; supported are ...")
+            fail(context, 3, "SCENE_INVALID", f"{main.path}:2: <broken>: unknown element; supported are ...")
         if "<grid" in text:
-            self._fail(context, 12, "NOT_SUPPORTED", f"{main.path}:2: <grid>: not supported yet")
+            fail(context, 12, "NOT_SUPPORTED", f"{main.path}:2: <grid>: not supported yet")
         listed = {entry.path for entry in manifest.entries}
         for group in self._references(main, context):
             if not listed & set(group):
-                self._fail(context, 5, "FILE_NOT_FOUND", f"{main.path}:2: <shape>: no such file: {group[0]}")
+                fail(context, 5, "FILE_NOT_FOUND", f"{main.path}:2: <shape>: no such file: {group[0]}")
         fingerprint = hashlib.sha256(manifest.SerializeToString(deterministic=True)).hexdigest()
         name = f"scenes/{fingerprint}"
         known = name in self.scenes
@@ -235,7 +232,7 @@ class FakeServer(
     ) -> scene_pb2.GetSceneResponse:
         """As in the contract."""
         if request.name not in self.scenes:
-            self._fail(context, 5, "SCENE_NOT_FOUND", f"there is no {request.name}")
+            fail(context, 5, "SCENE_NOT_FOUND", f"there is no {request.name}")
         return scene_pb2.GetSceneResponse(scene=self.scenes[request.name])
 
     def ListScenes(  # noqa: N802
@@ -252,7 +249,7 @@ class FakeServer(
     ) -> scene_pb2.DeleteSceneResponse:
         """As in the contract."""
         if self.scenes.pop(request.name, None) is None:
-            self._fail(context, 5, "SCENE_NOT_FOUND", f"there is no {request.name}")
+            fail(context, 5, "SCENE_NOT_FOUND", f"there is no {request.name}")
         return scene_pb2.DeleteSceneResponse()
 
     # Jobs
@@ -264,12 +261,12 @@ class FakeServer(
         self._maybe_unavailable(context)
         self.create_job_requests.append(request)
         if request.scene not in self.scenes:
-            self._fail(context, 5, "SCENE_NOT_FOUND", f"there is no {request.scene}")
+            fail(context, 5, "SCENE_NOT_FOUND", f"there is no {request.scene}")
         if request.settings.integrator not in ("", NORMAL, CACHED, ENDLESS, FAILING):
             message = f"integrator: {request.settings.integrator!r} is unknown; known are volpath"
-            self._fail(context, 3, "INVALID_SETTINGS", message, field="settings.integrator")
+            fail(context, 3, "INVALID_SETTINGS", message, field="settings.integrator")
         if request.settings.samples_per_pixel > 1000:
-            self._fail(context, 8, "TOO_MANY_JOBS", "too many unfinished jobs")
+            fail(context, 8, "TOO_MANY_JOBS", "too many unfinished jobs")
         with self._lock:
             for job in self.jobs.values():
                 if job.message.request_id == request.request_id:
@@ -358,7 +355,7 @@ class FakeServer(
         """As in the contract, in small chunks; breaks off as the faults say."""
         job = self._job(request.name, context)
         if not job.image:
-            self._fail(context, 9, "NO_IMAGE", "the job failed or was cancelled")
+            fail(context, 9, "NO_IMAGE", "the job failed or was cancelled")
         data = bytes(reversed(job.image)) if self.faults.damage_image else job.image
         sha256 = hashlib.sha256(job.image).hexdigest()
         left = self.faults.cut_downloads_after.pop(0) if self.faults.cut_downloads_after else None
@@ -380,7 +377,7 @@ class FakeServer(
         self.probe_headers.append(header)
         if header.settings.method not in ("", fake_probe.METHOD):
             message = f"settings.method: {header.settings.method!r} is not one of: aware"
-            self._fail(context, 3, "INVALID_SETTINGS", message, field="settings.method")
+            fail(context, 3, "INVALID_SETTINGS", message, field="settings.method")
         left = self.faults.cut_probes_after.pop(0) if self.faults.cut_probes_after else None
 
         def checked() -> Iterator[probe_pb2.ProbeRequest]:
@@ -389,7 +386,7 @@ class FakeServer(
                 for x in request.points.coordinates[::3]:
                     if not math.isfinite(x):
                         name = f"points[{received}]"
-                        self._fail(context, 3, "INVALID_POINT", f"{name}: a coordinate is not finite", field=name)
+                        fail(context, 3, "INVALID_POINT", f"{name}: a coordinate is not finite", field=name)
                     received += 1
                 yield request
 
@@ -413,96 +410,6 @@ class FakeServer(
         )
 
     # Server
-
-    # Caches
-
-    def GetCache(  # noqa: N802
-        self, request: cache_pb2.GetCacheRequest, context: grpc.ServicerContext
-    ) -> cache_pb2.GetCacheResponse:
-        """As in the contract."""
-        self._check_cache(request.name, context)
-        return cache_pb2.GetCacheResponse(cache=self.caches.message())
-
-    def ListCaches(  # noqa: N802
-        self, request: cache_pb2.ListCachesRequest, context: grpc.ServicerContext
-    ) -> cache_pb2.ListCachesResponse:
-        """The one cache, on a second page."""
-        if not request.page_token:
-            return cache_pb2.ListCachesResponse(next_page_token="more")
-        return cache_pb2.ListCachesResponse(caches=[self.caches.message(components=False)])
-
-    def FillCache(  # noqa: N802
-        self, request: cache_pb2.FillCacheRequest, context: grpc.ServicerContext
-    ) -> Iterator[cache_pb2.FillCacheResponse]:
-        """As in the contract; breaks off as it is told."""
-        yield from self.caches.fill(request, context)
-
-    def ViewCache(  # noqa: N802
-        self, request: cache_pb2.ViewCacheRequest, context: grpc.ServicerContext
-    ) -> Iterator[cache_pb2.ViewCacheResponse]:
-        """As in the contract."""
-        self.caches.view_requests.append(request)
-        yield from self.caches.view()
-
-    def ExportCache(  # noqa: N802
-        self, request: cache_pb2.ExportCacheRequest, context: grpc.ServicerContext
-    ) -> Iterator[cache_pb2.ExportCacheResponse]:
-        """As in the contract; breaks off as it is told."""
-        self._check_cache(request.name, context)
-        left = self.caches.cut_exports_after.pop(0) if self.caches.cut_exports_after else None
-        for number, chunk in enumerate(chunks(self.caches.export(), request.offset)):
-            if left == number:
-                context.abort(grpc.StatusCode.UNAVAILABLE, "connection lost")
-            yield cache_pb2.ExportCacheResponse(chunk=chunk)
-
-    def ImportCache(  # noqa: N802
-        self, request: cache_pb2.ImportCacheRequest, context: grpc.ServicerContext
-    ) -> cache_pb2.ImportCacheResponse:
-        """As in the contract."""
-        records = records_of(self.blobs[request.sha256])
-        if records is None:
-            self._fail(context, 3, "INVALID_CACHE_FILE", "not a cache file")
-        new = len(records - self.caches.records)
-        self.caches.records |= records
-        return cache_pb2.ImportCacheResponse(cache=self.caches.message(), records_new=new)
-
-    def MergeCaches(  # noqa: N802
-        self, request: cache_pb2.MergeCachesRequest, context: grpc.ServicerContext
-    ) -> Iterator[cache_pb2.MergeCachesResponse]:
-        """As in the contract."""
-        merged: set[str] = set()
-        for sha256 in request.sha256s:
-            merged |= records_of(self.blobs[sha256]) or set()
-        for chunk in chunks(file_of(merged), request.offset):
-            yield cache_pb2.MergeCachesResponse(chunk=chunk)
-
-    def VerifyCache(  # noqa: N802
-        self, request: cache_pb2.VerifyCacheRequest, context: grpc.ServicerContext
-    ) -> cache_pb2.VerifyCacheResponse:
-        """Everything is in order."""
-        self._check_cache(request.name, context)
-        return cache_pb2.VerifyCacheResponse(records=len(self.caches.records), segments=1, bytes=1000)
-
-    def CollectCacheGarbage(  # noqa: N802
-        self, request: cache_pb2.CollectCacheGarbageRequest, context: grpc.ServicerContext
-    ) -> cache_pb2.CollectCacheGarbageResponse:
-        """Removes the cache if it is above the budget."""
-        if not request.HasField("budget_bytes") or request.budget_bytes >= 1000:
-            return cache_pb2.CollectCacheGarbageResponse(bytes_before=1000, bytes_after=1000)
-        self.caches.records.clear()
-        return cache_pb2.CollectCacheGarbageResponse(removed=[CACHE], bytes_before=1000)
-
-    def DeleteCache(  # noqa: N802
-        self, request: cache_pb2.DeleteCacheRequest, context: grpc.ServicerContext
-    ) -> cache_pb2.DeleteCacheResponse:
-        """As in the contract."""
-        self._check_cache(request.name, context)
-        self.caches.records.clear()
-        return cache_pb2.DeleteCacheResponse()
-
-    def _check_cache(self, name: str, context: grpc.ServicerContext) -> None:
-        if name != CACHE or not self.caches.records:
-            self._fail(context, 5, "CACHE_NOT_FOUND", f"there is no {name}")
 
     def GetCapabilities(  # noqa: N802
         self, request: server_pb2.GetCapabilitiesRequest, context: grpc.ServicerContext
@@ -533,17 +440,13 @@ class FakeServer(
 
     def _job(self, name: str, context: grpc.ServicerContext) -> FakeJob:
         if name not in self.jobs:
-            self._fail(context, 5, "JOB_NOT_FOUND", f"there is no {name}")
+            fail(context, 5, "JOB_NOT_FOUND", f"there is no {name}")
         return self.jobs[name]
 
     def _maybe_unavailable(self, context: grpc.ServicerContext) -> None:
         if self.faults.unavailable_calls > 0:
             self.faults.unavailable_calls -= 1
             context.abort(grpc.StatusCode.UNAVAILABLE, "try again")
-
-    @staticmethod
-    def _fail(context: grpc.ServicerContext, code: int, reason: str, message: str, **metadata: str) -> NoReturn:
-        context.abort_with_status(rpc_status.to_status(status(code, reason, message, **metadata)))
 
 
 def _scene(name: str, main_path: str, *, lenient: bool) -> scene_pb2.Scene:

@@ -44,7 +44,7 @@ def status(session: Session, /) -> None:
     if now.tenant is not None:
         lines["tenant"] = now.tenant
     if now.quotas:
-        lines["quotas"] = "; ".join(_quota(name, use) for name, use in now.quotas.items())
+        lines["quotas"] = f"\n{'':12}".join(_quota(name, use) for name, use in now.quotas.items())
     for label, text in lines.items():
         output.text(f"  {label:<10}{text}")
 
