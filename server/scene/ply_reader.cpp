@@ -4,6 +4,7 @@
 #include <bit>
 #include <charconv>
 #include <cstring>
+#include <limits>
 #include <string_view>
 
 #include "scene/ply_header.h"
@@ -99,7 +100,8 @@ class BinaryValues {
 template <class Values>
 uint64_t next_count(Values& values, const PlyProperty& property) {
   const double count = values.next(property.count_type);
-  if (!(count >= 0) || count != std::floor(count)) values.fail("a list's count is negative or no integer");
+  if (!(count >= 0 && count <= std::numeric_limits<uint32_t>::max()) || count != std::floor(count))
+    values.fail("a list's count is no integer from 0 to 4294967295");
   return static_cast<uint64_t>(count);
 }
 

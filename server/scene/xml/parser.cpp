@@ -1,5 +1,6 @@
 #include "scene/xml/parser.h"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <optional>
@@ -128,10 +129,7 @@ class DescriptionBuilder {
 
   ObjectPointer object(const XmlElement& element, bool within_emitter) {
     if (const auto built = built_.find(&element); built != built_.end()) return built->second;
-    if (open_.size() >= static_cast<size_t>(LoadLimits::depth))
-      throw SceneError(
-          ErrorKind::resource_exhausted, "XML_TOO_DEEP", element.where,
-          "objects are nested more than " + std::to_string(LoadLimits::depth) + " deep through references");
+    if (open_.size() >= static_cast<size_t>(LoadLimits::depth)) too_deep(element);
     check_attributes(element, is_lenient_, warnings_);
     open_.insert(&element);
     auto description = std::make_shared<ObjectDescription>();
@@ -143,8 +141,28 @@ class DescriptionBuilder {
       add_property(*description, child, within_emitter || element.tag == "emitter");
     if (element.is_legacy && element.tag == "shape") complete_legacy_shape(*description);
     open_.erase(&element);
+    note_depth(*description, element);
     built_.emplace(&element, description);
     return description;
+  }
+
+  [[noreturn]] static void too_deep(const XmlElement& element) {
+    throw SceneError(
+        ErrorKind::resource_exhausted, "XML_TOO_DEEP", element.where,
+        "objects are nested more than " + std::to_string(LoadLimits::depth) + " deep through references");
+  }
+
+  /// An object may refer to one that is complete already, and that to another, for as long as the file goes on;
+  /// whatever walks down objects later must come to an end on its stack.
+  void note_depth(const ObjectDescription& description, const XmlElement& element) {
+    int depth = 1;
+    for (const Property& property : description.properties)
+      if (const auto* nested = std::get_if<ObjectPointer>(&property.value)) {
+        const auto known = depths_.find(nested->get());
+        depth = std::max(depth, 1 + (known == depths_.end() ? 1 : known->second));
+      }
+    if (depth > LoadLimits::depth) too_deep(element);
+    depths_[&description] = depth;
   }
 
   /// In 0.x, a shape with a medium and without a BSDF is an index-matched boundary; since 2.0 it is diffuse.
@@ -321,6 +339,7 @@ class DescriptionBuilder {
   std::map<std::string, const XmlElement*> by_id_;
   std::map<const XmlElement*, ObjectPointer> built_;
   std::set<const XmlElement*> open_;
+  std::map<const ObjectDescription*, int> depths_;  ///< objects on the longest way down, itself included
   std::optional<SceneError> missing_file_;
 };
 

@@ -463,7 +463,7 @@ TEST(LoaderFileErrors, DepthThroughIncludesAndReferences) {
     chain += "<bsdf type='twosided' id='b" + std::to_string(i) + "'><ref id='b" + std::to_string(i - 1) +
              "'/></bsdf>";
   // Defined in this order each is built before it is referred to; from the end, all at once.
-  EXPECT_EQ(load_bytes("<scene version='3.0.0'>" + chain + "</scene>").reason, "");
+  EXPECT_EQ(load_bytes("<scene version='3.0.0'>" + chain + "</scene>").reason, "XML_TOO_DEEP");
   EXPECT_EQ(
       load_bytes("<scene version='3.0.0'><shape type='cube'><ref id='b100'/></shape>" + chain + "</scene>")
           .reason,

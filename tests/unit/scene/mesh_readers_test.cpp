@@ -232,7 +232,8 @@ TEST(PlyReaderTest, BadFilesAreRefusedWithThePlace) {
   expect_damaged_ply(good + "3 0 1 1.5\n", "line 14: a face refers to a vertex that does not exist");
   expect_damaged_ply(good + "2 0 1\n", "line 14: face 0 has fewer than 3 vertices");
   expect_damaged_ply(good + "3 0 1\n", "line 15: the file ends too early");
-  expect_damaged_ply(good + "-3 0 1\n", "line 14: a list's count is negative");
+  expect_damaged_ply(good + "-3 0 1\n", "line 14: a list's count is no integer from 0 to 4294967295");
+  expect_damaged_ply(good + "1e300 0 1\n", "line 14: a list's count is no integer from 0 to 4294967295");
   expect_damaged_ply(ply_header("ascii", 3, "", 1) + "0 0 nan\n1 0 0\n0 1 0\n3 0 1 2\n",
                      "line 11: expected a finite number");
   expect_damaged_ply(ply_header("ascii", 3, "", 1) + "0 0 0\n1 zero 0\n0 1 0\n3 0 1 2\n",
