@@ -9,7 +9,7 @@ python := .venv/bin/python
 export FOGBANK_SERVER_BINARY := $(CURDIR)/$(build_folder)/bin/fogbankd
 
 .DEFAULT_GOAL := help
-.PHONY: help setup stubs build demo test test-faults test-farm install bench evidence watch stability soak format lint lock clean
+.PHONY: help setup stubs build demo test test-faults test-farm fuzz install bench evidence watch stability soak format lint lock clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{ printf "make %-11s %s\n", $$1, $$2 }'
@@ -28,7 +28,7 @@ demo: build ## render scenes/shafts through a local server into out/shafts.exr a
 	@mkdir -p out
 	@.venv/bin/fogbank render scenes/shafts/shafts.xml --time 15 -o out/shafts.exr -o out/shafts.png
 
-test: build ## build, then every test: C++ units, Python (clients, service, oracle), lint
+test: build ## build, then every test: C++ units, fuzz targets, Python (clients, service, oracle), lint
 	@PRESET=$(PRESET) JOBS=$(JOBS) tests/run.sh
 
 test-faults: build ## fault tests at full length: a table of test, figure, bound, verdict
@@ -36,6 +36,11 @@ test-faults: build ## fault tests at full length: a table of test, figure, bound
 
 test-farm: build ## the farm's tests at full length: lost workers, restarts, slow links; a table of figures
 	@$(python) -m pytest tests/farm -m "not soak"
+
+fuzz: setup ## fuzz targets for FUZZ_SECONDS (600) each: scenes, meshes, headers, caches, checkpoints; finds lie in out/fuzz
+	@cmake --preset fuzz >/dev/null
+	@cmake --build --preset fuzz --parallel $(JOBS)
+	@$(python) tests/fuzz/run.py --seconds $(or $(FUZZ_SECONDS),600) --jobs $(JOBS)
 
 install: build ## link the fogbank command into PREFIX/bin (default /usr/local)
 	@mkdir -p $(DESTDIR)$(PREFIX)/bin

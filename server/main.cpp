@@ -16,9 +16,11 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "core/files.h"
 #include "service/json_log.h"
+#include "service/sandbox/reader.h"
 #include "service/server.h"
 
 namespace {
@@ -50,6 +52,10 @@ void wait_for_end(int signals, bool watch_stdin) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  using fogbank::service::ReaderHost;
+  if (argc == 2 && std::string_view(argv[1]) == ReaderHost::argument)
+    return ReaderHost::run_as_host(fogbank::service::read_scene_files);
+
   fogbank::service::ServerOptions options;
   std::filesystem::path port_file;
   bool exit_with_stdin = false;
@@ -129,9 +135,10 @@ int main(int argc, char** argv) {
   if (log_format == "json") spdlog::set_formatter(std::make_unique<fogbank::service::JsonFormatter>());
   spdlog::set_level(spdlog::level::from_str(log_level));
 
-  const int signals = catch_end_signals();
   try {
-    fogbank::service::Server server(options);
+    ReaderHost readers(fogbank::service::read_scene_files);  // before the first thread
+    const int signals = catch_end_signals();
+    fogbank::service::Server server(options, readers);
     spdlog::info("fogbankd {} listens on {}", FOGBANK_VERSION, server.target());
     if (!port_file.empty()) fogbank::write_file_durably(port_file, server.target() + "\n");
     wait_for_end(signals, exit_with_stdin);

@@ -216,7 +216,7 @@ Checkpoint read_checkpoint(const std::filesystem::path& path, const std::string&
     film->samples = checkpoint.samples;
     film->sampled.resize(decoder.get_count(sizeof(PixelSums)));
     const std::string_view sums = decoder.take(film->sampled.size() * sizeof(PixelSums));
-    std::memcpy(static_cast<void*>(film->sampled.data()), sums.data(), sums.size());
+    if (!sums.empty()) std::memcpy(static_cast<void*>(film->sampled.data()), sums.data(), sums.size());
     tile = std::move(film);
   }
   if (!decoder.at_end()) damaged("it is longer than it says");

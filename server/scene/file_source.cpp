@@ -21,22 +21,6 @@ namespace {
 
 constexpr size_t longest_path = 1024;
 
-/// Owned file descriptor.
-class Descriptor {
- public:
-  explicit Descriptor(int value) : value_(value) {}
-  ~Descriptor() {
-    if (value_ >= 0) ::close(value_);
-  }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  int get() const { return value_; }
-  explicit operator bool() const { return value_ >= 0; }
-
- private:
-  int value_;
-};
-
 [[noreturn]] void not_found(const std::string& path) {
   throw Error(ErrorKind::not_found, "FILE_NOT_FOUND", "file " + quote(path) + " does not exist");
 }
@@ -49,12 +33,12 @@ std::string opened_path(int descriptor) {
   return size > 0 ? std::string(buffer, static_cast<size_t>(size)) : "";
 }
 
-/// Whole contents of `absolute`; `path` is its name in messages. The file is first opened without access
+/// Opens `absolute` for reading; `path` is its name in messages. The file is first opened without access
 /// (O_PATH), so that neither a FIFO can block nor a device be touched, and what was opened is what is
 /// checked: a symbolic link that is exchanged meanwhile changes nothing. An empty `root` allows any place.
-std::string read_regular_file(const std::string& absolute, const std::string& root, const std::string& path) {
-  const Descriptor located(::open(absolute.c_str(), O_PATH | O_CLOEXEC));
-  if (!located) {
+FileDescriptor open_regular_file(const std::string& absolute, const std::string& root, const std::string& path) {
+  const FileDescriptor located(::open(absolute.c_str(), O_PATH | O_CLOEXEC));
+  if (!located.valid()) {
     if (errno == ENOENT || errno == ENOTDIR) not_found(path);
     throw Error(ErrorKind::not_found, "FILE_UNREADABLE",
                 "file " + quote(path) + " can't be opened: " + std::strerror(errno));
@@ -73,23 +57,12 @@ std::string read_regular_file(const std::string& absolute, const std::string& ro
     throw Error(ErrorKind::resource_exhausted, "FILE_TOO_LARGE",
                 "file " + quote(path) + " has " + std::to_string(status.st_size) + " bytes; at most " +
                     std::to_string(LoadLimits::file_bytes) + " are read");
-  const Descriptor opened(
+  FileDescriptor opened(
       ::open(("/proc/self/fd/" + std::to_string(located.get())).c_str(), O_RDONLY | O_CLOEXEC));
-  if (!opened)
+  if (!opened.valid())
     throw Error(ErrorKind::not_found, "FILE_UNREADABLE",
                 "file " + quote(path) + " can't be opened: " + std::strerror(errno));
-  std::string bytes(static_cast<size_t>(status.st_size), '\0');
-  size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t count = ::read(opened.get(), bytes.data() + done, bytes.size() - done);
-    if (count < 0 && errno == EINTR) continue;
-    if (count <= 0)
-      throw Error(ErrorKind::data_loss, "FILE_UNREADABLE",
-                  "file " + quote(path) + " ended after " + std::to_string(done) + " of " +
-                      std::to_string(bytes.size()) + " bytes");
-    done += static_cast<size_t>(count);
-  }
-  return bytes;
+  return opened;
 }
 
 /// A path that a caller hands in must be one that `resolve_path` could have made.
@@ -99,7 +72,7 @@ void check_logical(const std::string& path) {
                 "path " + quote(path) + " is not normalised");
 }
 
-class FolderSource final : public FileSource {
+class FolderSource final : public StoredFiles {
  public:
   explicit FolderSource(const std::string& root) {
     char* real = ::realpath(root.c_str(), nullptr);
@@ -117,19 +90,19 @@ class FolderSource final : public FileSource {
 
   bool exists(const std::string& path) const override {
     check_logical(path);
-    return static_cast<bool>(Descriptor(::open((root_ + path).c_str(), O_PATH | O_CLOEXEC)));
+    return FileDescriptor(::open((root_ + path).c_str(), O_PATH | O_CLOEXEC)).valid();
   }
 
-  std::string read(const std::string& path) const override {
+  FileDescriptor open(const std::string& path) const override {
     check_logical(path);
-    return read_regular_file(root_ + path, root_, path);
+    return open_regular_file(root_ + path, root_, path);
   }
 
  private:
   std::string root_;  ///< real path with a trailing slash
 };
 
-class BlobSource final : public FileSource {
+class BlobSource final : public StoredFiles {
  public:
   explicit BlobSource(std::map<std::string, std::string> blobs) : blobs_(std::move(blobs)) {
     for (const auto& entry : blobs_) check_logical(entry.first);
@@ -137,10 +110,10 @@ class BlobSource final : public FileSource {
 
   bool exists(const std::string& path) const override { return blobs_.count(path) > 0; }
 
-  std::string read(const std::string& path) const override {
+  FileDescriptor open(const std::string& path) const override {
     const auto found = blobs_.find(path);
     if (found == blobs_.end()) not_found(path);
-    return read_regular_file(found->second, "", path);
+    return open_regular_file(found->second, "", path);
   }
 
  private:
@@ -166,11 +139,34 @@ bool has_scheme(const std::string& reference) {
 
 }  // namespace
 
-std::shared_ptr<FileSource> folder_source(const std::string& root) {
+std::string StoredFiles::read(const std::string& path) const { return read_opened_file(open(path), path); }
+
+std::string read_opened_file(const FileDescriptor& file, const std::string& path) {
+  // Not fstat, which whoever reads within a sandbox may not call.
+  const off_t size = ::lseek(file.get(), 0, SEEK_END);
+  if (size < 0)
+    throw Error(ErrorKind::data_loss, "FILE_UNREADABLE",
+                "file " + quote(path) + " can't be read: " + std::strerror(errno));
+  std::string bytes(static_cast<size_t>(size), '\0');
+  size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t count =
+        ::pread(file.get(), bytes.data() + done, bytes.size() - done, static_cast<off_t>(done));
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0)
+      throw Error(ErrorKind::data_loss, "FILE_UNREADABLE",
+                  "file " + quote(path) + " ended after " + std::to_string(done) + " of " +
+                      std::to_string(bytes.size()) + " bytes");
+    done += static_cast<size_t>(count);
+  }
+  return bytes;
+}
+
+std::shared_ptr<StoredFiles> folder_source(const std::string& root) {
   return std::make_shared<FolderSource>(root);
 }
 
-std::shared_ptr<FileSource> blob_source(std::map<std::string, std::string> blobs) {
+std::shared_ptr<StoredFiles> blob_source(std::map<std::string, std::string> blobs) {
   return std::make_shared<BlobSource>(std::move(blobs));
 }
 

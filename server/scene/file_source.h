@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "core/files.h"
+
 namespace fogbank::scene {
 
 /// Read access to the files of one scene by logical path: relative to the scene's root, '/'-separated,
@@ -27,11 +29,22 @@ class FileSource {
   std::vector<std::string> missing_;
 };
 
+/// Files that have a place on the disk.
+class StoredFiles : public FileSource {
+ public:
+  /// A file for reading, which is a regular one of at most LoadLimits::file_bytes. Throws as `read`.
+  virtual FileDescriptor open(const std::string& path) const = 0;
+  std::string read(const std::string& path) const final;
+};
+
+/// Whole contents of an open file; `path` is its name in messages. Throws Error as FileSource::read.
+std::string read_opened_file(const FileDescriptor& file, const std::string& path);
+
 /// Files below `root`; symbolic links that lead out of it, devices and FIFOs are refused.
-std::shared_ptr<FileSource> folder_source(const std::string& root);
+std::shared_ptr<StoredFiles> folder_source(const std::string& root);
 
 /// Files by content: logical path -> absolute path of the blob that holds it.
-std::shared_ptr<FileSource> blob_source(std::map<std::string, std::string> blobs);
+std::shared_ptr<StoredFiles> blob_source(std::map<std::string, std::string> blobs);
 
 /// Joins `reference` (as written in the file `from`) to a logical path: relative to the folder of `from`.
 /// Backslashes become slashes, "." and ".." are folded. Throws Error(invalid_argument, "PATH_OUTSIDE_ROOT")

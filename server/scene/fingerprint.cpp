@@ -4,6 +4,8 @@
 #include <bit>
 #include <map>
 
+#include "core/sha256.h"
+
 namespace fogbank::scene {
 namespace {
 
@@ -37,8 +39,8 @@ enum class Emission : uint8_t { with_scale, without_scale };
 
 class Canonical {
  public:
-  explicit Canonical(ContentHashes& hashes, Emission emission = Emission::with_scale)
-      : hashes_(hashes), emission_(emission) {}
+  explicit Canonical(SceneFileReader& files, Emission emission = Emission::with_scale)
+      : files_(files), emission_(emission) {}
 
   /// Hash over hashes, each object once: a few references to references would else multiply without bound.
   const std::string& hash(const ObjectPointer& object) {
@@ -79,7 +81,7 @@ class Canonical {
       std::string operator()(int64_t v) const { return std::to_string(v); }
       std::string operator()(double v) const { return bits(v); }
       std::string operator()(const std::string& v) const {
-        return property.name == "filename" ? canonical.hashes_.hash(v) : v;
+        return property.name == "filename" ? canonical.files_.hash(v) : v;
       }
       std::string operator()(const Vec3d& v) const { return bits(v.x) + bits(v.y) + bits(v.z); }
       std::string operator()(const Spectrum& v) const { return (*this)(Vec3d(v)); }
@@ -94,7 +96,7 @@ class Canonical {
     return std::visit(Visitor{*this, property}, property.value);
   }
 
-  ContentHashes& hashes_;
+  SceneFileReader& files_;
   Emission emission_;
   std::map<ObjectPointer, std::string> known_;
 };
@@ -117,8 +119,8 @@ std::vector<std::string> parts_of(const std::vector<ObjectPointer>& objects, Can
 
 }  // namespace
 
-std::string radiance_fingerprint(const std::vector<ObjectPointer>& objects, ContentHashes& hashes) {
-  Canonical canonical(hashes);
+std::string radiance_fingerprint(const std::vector<ObjectPointer>& objects, SceneFileReader& files) {
+  Canonical canonical(files);
   std::vector<std::string> parts = parts_of(objects, canonical);
   std::sort(parts.begin(), parts.end());
   Sha256 digest;
@@ -129,8 +131,8 @@ std::string radiance_fingerprint(const std::vector<ObjectPointer>& objects, Cont
 
 FieldIdentity field_identity(const std::vector<ObjectPointer>& objects,
                              const std::vector<ObjectPointer>& media,
-                             const std::vector<ObjectPointer>& emitters, ContentHashes& hashes) {
-  Canonical canonical(hashes, Emission::without_scale);
+                             const std::vector<ObjectPointer>& emitters, SceneFileReader& files) {
+  Canonical canonical(files, Emission::without_scale);
   FieldIdentity identity;
   Sha256 digest;
   Canonical::add(digest, transport_format);

@@ -38,20 +38,6 @@ double srgb_to_linear(double value) {
   return value <= 0.04045 ? value / 12.92 : std::pow((value + 0.055) / 1.055, 2.4);
 }
 
-const std::array<float, 256>* byte_decoding(bool raw) {
-  const auto make = [](bool is_linear) {
-    std::array<float, 256> table{};
-    for (size_t i = 0; i < table.size(); ++i) {
-      const double value = static_cast<double>(i) / 255.0;
-      table[i] = static_cast<float>(is_linear ? value : srgb_to_linear(value));
-    }
-    return table;
-  };
-  static const std::array<float, 256> linear = make(true);
-  static const std::array<float, 256> srgb = make(false);
-  return raw ? &linear : &srgb;
-}
-
 /// Are all of a PNG's chunks (length, type, data, checksum) there, up to IEND? OpenImageIO 2.4.7 leaks memory
 /// with every PNG that libpng finds too short.
 bool has_all_png_chunks(const std::string& bytes) {
@@ -225,6 +211,20 @@ class ImageReader {
 };
 
 }  // namespace
+
+const std::array<float, 256>* byte_decoding(bool raw) {
+  const auto make = [](bool is_linear) {
+    std::array<float, 256> table{};
+    for (size_t i = 0; i < table.size(); ++i) {
+      const double value = static_cast<double>(i) / 255.0;
+      table[i] = static_cast<float>(is_linear ? value : srgb_to_linear(value));
+    }
+    return table;
+  };
+  static const std::array<float, 256> linear = make(true);
+  static const std::array<float, 256> srgb = make(false);
+  return raw ? &linear : &srgb;
+}
 
 Image read_image(const std::string& bytes, const std::string& path, bool raw, const SourceLocation& where) {
   // OpenEXR's own thread pool costs more than it brings for images of this size, and its threads would be

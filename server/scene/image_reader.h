@@ -1,6 +1,7 @@
 // Image files to `Image`.
 #pragma once
 
+#include <array>
 #include <string>
 
 #include "scene/texture_library.h"
@@ -13,5 +14,8 @@ namespace fogbank::scene {
 /// SceneError: UNSUPPORTED_IMAGE, DAMAGED_IMAGE (broken or cut off, or a texel that is not finite; names the
 /// texel), IMAGE_TOO_LARGE (resource_exhausted, decided on the header alone).
 Image read_image(const std::string& bytes, const std::string& path, bool raw, const SourceLocation& where);
+
+/// Value of each byte of an image of 8 bits. Static.
+const std::array<float, 256>* byte_decoding(bool raw);
 
 }  // namespace fogbank::scene

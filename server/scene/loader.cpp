@@ -4,7 +4,6 @@
 #include <chrono>
 
 #include "scene/bounds.h"
-#include "scene/content_hashes.h"
 #include "scene/fingerprint.h"
 #include "scene/scene_builder.h"
 #include "scene/sensor_reader.h"
@@ -74,16 +73,20 @@ std::string default_integrator(const Scene& scene) {
 
 std::shared_ptr<Scene> load_scene(const std::string& main_path, std::shared_ptr<FileSource> files,
                                   const LoadOptions& options) {
+  return load_scene(main_path, read_in_process(std::move(files)), options);
+}
+
+std::shared_ptr<Scene> load_scene(const std::string& main_path, std::shared_ptr<SceneFileReader> files,
+                                  const LoadOptions& options) {
   auto scene = std::make_shared<Scene>();
   scene->lenient = options.lenient;
   const Stopwatch parse_watch;
-  ParsedScene parsed = parse_scene(main_path, *files, options);
+  ParsedScene parsed = files->parse(main_path, options);
   scene->warnings = std::move(parsed.warnings);
   scene->load_times.parse = parse_watch.seconds();
 
   const Stopwatch mesh_watch;
-  ContentHashes hashes(*files);
-  SceneBuilder builder(*scene, *files, hashes);
+  SceneBuilder builder(*scene, *files);
   build(parsed.objects, builder);
   scene->bounds = surface_bounds(*scene);
   scene->defaults.integrator = default_integrator(*scene);
@@ -91,8 +94,8 @@ std::shared_ptr<Scene> load_scene(const std::string& main_path, std::shared_ptr<
   if (!(scene->bounds.radius <= 4 * LoadLimits::coordinate))
     throw Error(ErrorKind::invalid_argument, "COORDINATE_TOO_LARGE",
                 "the scene's instances extend beyond " + number_text(LoadLimits::coordinate));
-  scene->fingerprint = radiance_fingerprint(parsed.objects, hashes);
-  scene->field = field_identity(parsed.objects, builder.media(), scene->emitters, hashes);
+  scene->fingerprint = radiance_fingerprint(parsed.objects, *files);
+  scene->field = field_identity(parsed.objects, builder.media(), scene->emitters, *files);
   scene->load_times.meshes = mesh_watch.seconds();
 
   scene->textures = std::make_unique<TextureLibrary>(files, scene->lenient ? &scene->warnings : nullptr);

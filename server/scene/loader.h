@@ -8,6 +8,7 @@
 
 #include "scene/file_source.h"
 #include "scene/scene.h"
+#include "scene/scene_file_reader.h"
 
 namespace fogbank::scene {
 
@@ -33,6 +34,9 @@ struct LoadLimits {
 
 /// Parses, builds and indexes the scene. Throws SceneError (file, line, element) for anything wrong in it,
 /// Error for the rest.
+std::shared_ptr<Scene> load_scene(const std::string& main_path, std::shared_ptr<SceneFileReader> files,
+                                  const LoadOptions& options);
+/// With the files read by this process.
 std::shared_ptr<Scene> load_scene(const std::string& main_path, std::shared_ptr<FileSource> files,
                                   const LoadOptions& options);
 

@@ -1,5 +1,7 @@
 #include "scene/mesh_reader_support.h"
 
+#include "scene/scene_file_reader.h"
+
 #include <algorithm>
 #include <utility>
 
@@ -73,6 +75,12 @@ Mesh MeshFile::finish(Mesh mesh) const {
   }
   mesh.positions.reserve(mesh.positions.size() + 1);
   return mesh;
+}
+
+Mesh read_mesh(const std::string& bytes, const MeshFileRequest& request, const SourceLocation& where) {
+  if (request.type == "obj") return read_obj(bytes, request.options, where);
+  if (request.type == "ply") return read_ply(bytes, request.options, where);
+  return read_serialized(bytes, request.shape_index, request.options, where);
 }
 
 }  // namespace fogbank::scene

@@ -34,4 +34,8 @@ Mesh read_ply(const std::string& bytes, const MeshReadOptions& options, const So
 Mesh read_serialized(const std::string& bytes, int64_t shape_index, const MeshReadOptions& options,
                      const SourceLocation& where);
 
+struct MeshFileRequest;
+/// By the request's type.
+Mesh read_mesh(const std::string& bytes, const MeshFileRequest& request, const SourceLocation& where);
+
 }  // namespace fogbank::scene

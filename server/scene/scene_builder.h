@@ -5,17 +5,15 @@
 #include <string>
 #include <vector>
 
-#include "scene/content_hashes.h"
-#include "scene/file_source.h"
 #include "scene/scene.h"
+#include "scene/scene_file_reader.h"
 
 namespace fogbank::scene {
 
 /// Adds objects to a scene. Indices returned stay valid.
 class SceneBuilder {
  public:
-  SceneBuilder(Scene& scene, const FileSource& files, ContentHashes& hashes)
-      : scene_(scene), files_(files), hashes_(hashes) {}
+  SceneBuilder(Scene& scene, SceneFileReader& files) : scene_(scene), files_(files) {}
 
   /// Index in `Scene::bsdfs`.
   int32_t bsdf(const ObjectPointer& description);
@@ -55,8 +53,7 @@ class SceneBuilder {
   double light_area(const Shape& shape) const;
 
   Scene& scene_;
-  const FileSource& files_;
-  ContentHashes& hashes_;
+  SceneFileReader& files_;
   size_t triangle_count_ = 0;
   int32_t default_bsdf_ = none;
   int32_t emitter_default_bsdf_ = none;

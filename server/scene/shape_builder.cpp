@@ -216,25 +216,16 @@ int32_t SceneBuilder::add_mesh(PropertyReader& reader, const Mat4d& to_world) {
 Mesh SceneBuilder::read_mesh_file(PropertyReader& reader) {
   const ObjectDescription& object = reader.object();
   if (!reader.has("filename")) reader.fail("MISSING_PARAMETER", "parameter 'filename' is missing");
-  const std::string path = reader.text("filename", "");
-  MeshReadOptions options;
-  options.path = path;
+  MeshFileRequest request;
+  request.type = object.type;
+  MeshReadOptions& options = request.options;
+  options.path = reader.text("filename", "");
   options.face_normals = reader.boolean("face_normals", false);
   options.flip_tex_coords = reader.boolean("flip_tex_coords", object.type == "obj");
   options.max_smooth_angle_degrees = reader.number_if_given("max_smooth_angle", 0.0, 180.0);
-  const int64_t shape_index = object.type == "serialized"
-                                  ? reader.integer("shape_index", 0, 0, std::numeric_limits<int32_t>::max())
-                                  : 0;
-  std::string bytes;
-  try {
-    bytes = files_.read(path);
-  } catch (const Error& error) {
-    throw SceneError(error.kind(), error.reason(), object.where, error.what());
-  }
-  hashes_.note(path, bytes);
-  if (object.type == "obj") return read_obj(bytes, options, object.where);
-  if (object.type == "ply") return read_ply(bytes, options, object.where);
-  return read_serialized(bytes, shape_index, options, object.where);
+  if (object.type == "serialized")
+    request.shape_index = reader.integer("shape_index", 0, 0, std::numeric_limits<int32_t>::max());
+  return files_.mesh(request, object.where);
 }
 
 }  // namespace fogbank::scene

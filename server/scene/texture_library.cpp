@@ -3,8 +3,7 @@
 #include <chrono>
 #include <utility>
 
-#include "core/sha256.h"
-#include "scene/image_reader.h"
+#include "scene/scene_file_reader.h"
 #include "scene/text.h"
 #include "scene/textures/plugins.h"
 
@@ -38,7 +37,7 @@ class DepthGuard {
 
 }  // namespace
 
-TextureLibrary::TextureLibrary(std::shared_ptr<FileSource> files, std::vector<std::string>* warnings)
+TextureLibrary::TextureLibrary(std::shared_ptr<SceneFileReader> files, std::vector<std::string>* warnings)
     : files_(std::move(files)), warnings_(warnings) {}
 
 TexturePointer TextureLibrary::texture(const ObjectPointer& description) {
@@ -70,23 +69,17 @@ TexturePointer TextureLibrary::texture(const ObjectPointer& description) {
 
 ImagePointer TextureLibrary::image(const std::string& path, bool raw, const SourceLocation& where) {
   const auto start = std::chrono::steady_clock::now();
-  const auto hash = hashes_.find(path);
-  if (hash != hashes_.end()) {
-    const auto known = images_.find({hash->second, raw});
-    if (known != images_.end()) return known->second;
-  }
-  std::string bytes;
+  std::pair content(std::string(), raw);
   try {
-    bytes = files_->read(path);
+    content.first = files_->hash(path);
+  } catch (const SceneError&) {
+    throw;
   } catch (const Error& error) {
     throw SceneError(error.kind(), error.reason(), where, error.what());
   }
-  const std::pair content(sha256(bytes), raw);
   auto known = images_.find(content);
   if (known == images_.end())
-    known =
-        images_.emplace(content, std::make_shared<const Image>(read_image(bytes, path, raw, where))).first;
-  hashes_[path] = content.first;
+    known = images_.emplace(content, std::make_shared<const Image>(files_->image(path, raw, where))).first;
   seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return known->second;
 }

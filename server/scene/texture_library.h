@@ -8,10 +8,11 @@
 #include <vector>
 
 #include "scene/description.h"
-#include "scene/file_source.h"
 #include "scene/texture.h"
 
 namespace fogbank::scene {
+
+class SceneFileReader;
 
 /// Image of linear values, row 0 on top. 1 or 3 channels (alpha is dropped, not multiplied in). Images of 8
 /// bits stay so in memory and are decoded on reading.
@@ -45,7 +46,7 @@ class TextureLibrary {
  public:
   /// With `warnings`, loading is lenient: an unknown plugin becomes a grey of 0.5, an unknown parameter is
   /// passed over, and each adds a warning. The list must outlive the library.
-  explicit TextureLibrary(std::shared_ptr<FileSource> files, std::vector<std::string>* warnings = nullptr);
+  explicit TextureLibrary(std::shared_ptr<SceneFileReader> files, std::vector<std::string>* warnings = nullptr);
 
   /// Throws SceneError for an unknown plugin (naming the supported ones), textures nested more than 32 deep,
   /// a missing or damaged file, or one over the size limits (checked against the header before anything is
@@ -57,11 +58,10 @@ class TextureLibrary {
   double seconds() const { return seconds_; }
 
  private:
-  std::shared_ptr<FileSource> files_;
+  std::shared_ptr<SceneFileReader> files_;
   std::vector<std::string>* warnings_;
   int depth_ = 0;  ///< of nested textures being built
   std::map<const ObjectDescription*, std::pair<ObjectPointer, TexturePointer>> textures_;
-  std::map<std::string, std::string> hashes_;                    ///< logical path -> SHA-256 of the content
   std::map<std::pair<std::string, bool>, ImagePointer> images_;  ///< by content and `raw`
   double seconds_ = 0;
 };

@@ -11,6 +11,7 @@
 #include "service/messages.h"
 #include "service/names.h"
 #include "service/rpc_error.h"
+#include "service/sandbox/sandboxed_files.h"
 #include "service/scheduling/clock.h"
 
 namespace fogbank::service {
@@ -187,7 +188,8 @@ void check_source(const v1::CreateSceneRequest& request,
   }
 }
 
-v1::PrepareSceneResponse find_missing(const v1::SceneManifest& manifest, BlobStore& blobs) {
+v1::PrepareSceneResponse find_missing(const v1::SceneManifest& manifest, BlobStore& blobs,
+                                      ReaderHost& readers) {
   check_manifest(manifest);
   v1::PrepareSceneResponse response;
   std::map<std::string, std::string> present;
@@ -208,19 +210,19 @@ v1::PrepareSceneResponse find_missing(const v1::SceneManifest& manifest, BlobSto
   }
   if (!present.contains(manifest.main_path())) return response;
   std::set<std::string> unlisted;
-  for (const std::string& path :
-       scene::list_references(manifest.main_path(), scene::blob_source(std::move(present)),
-                              engine_options(manifest.options()))) {
+  SandboxedFiles files(readers, scene::blob_source(std::move(present)));
+  for (const std::string& path : files.references(manifest.main_path(), engine_options(manifest.options()))) {
     if (!listed.contains(path) && unlisted.insert(path).second) response.add_unlisted_paths(path);
   }
   return response;
 }
 
 LoadedScene load(const v1::CreateSceneRequest& request,
-                 const std::optional<std::filesystem::path>& scene_root, BlobStore& blobs) {
+                 const std::optional<std::filesystem::path>& scene_root, BlobStore& blobs,
+                 ReaderHost& readers) {
   const bool uploaded = request.has_manifest();
   int64_t file_bytes = 0;
-  std::shared_ptr<scene::FileSource> files;
+  std::shared_ptr<const scene::StoredFiles> stored;
   if (uploaded) {
     std::map<std::string, std::string> paths;
     for (const v1::ManifestEntry& entry : request.manifest().entries()) {
@@ -233,18 +235,19 @@ LoadedScene load(const v1::CreateSceneRequest& request,
       paths.emplace(entry.path(), blob->path.string());
       file_bytes += entry.size();
     }
-    files = scene::blob_source(std::move(paths));
+    stored = scene::blob_source(std::move(paths));
   } else {
-    files = scene::folder_source(scene_root->string());
+    stored = scene::folder_source(scene_root->string());
   }
   const std::string& main_path = uploaded ? request.manifest().main_path() : request.server_file().path();
   const v1::LoadOptions& options = uploaded ? request.manifest().options() : request.server_file().options();
 
   const Clock::time_point start = Clock::now();
   LoadedScene loaded;
-  const std::shared_ptr<scene::Scene> scene =
-      scene::load_scene(main_path, std::move(files), engine_options(options));
+  const auto files = std::make_shared<SandboxedFiles>(readers, std::move(stored));
+  const std::shared_ptr<scene::Scene> scene = scene::load_scene(main_path, files, engine_options(options));
   loaded.world = std::make_shared<const transport::World>(scene);
+  files->close();
   loaded.id = identify(*scene);
   loaded.description = describe(loaded.id, *scene);
   loaded.description.set_main_path(main_path);

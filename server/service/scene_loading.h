@@ -8,6 +8,7 @@
 
 #include "fogbank/v1/scene.pb.h"
 #include "service/blob_store.h"
+#include "service/sandbox/reader_host.h"
 #include "transport/world.h"
 
 namespace fogbank::service {
@@ -27,12 +28,15 @@ void check_manifest(const v1::SceneManifest& manifest);
 void check_source(const v1::CreateSceneRequest& request,
                   const std::optional<std::filesystem::path>& scene_root);
 
-/// What the server lacks for the manifest. Throws as `check_manifest` and as scene::list_references.
-v1::PrepareSceneResponse find_missing(const v1::SceneManifest& manifest, BlobStore& blobs);
+/// What the server lacks for the manifest. Throws as `check_manifest`, scene::list_references and
+/// SandboxedFiles.
+v1::PrepareSceneResponse find_missing(const v1::SceneManifest& manifest, BlobStore& blobs,
+                                      ReaderHost& readers);
 
 /// Loads the scene of a request that `check_source` accepts. Takes seconds. Throws RpcError BLOBS_MISSING and
-/// as scene::load_scene.
+/// as scene::load_scene and SandboxedFiles.
 LoadedScene load(const v1::CreateSceneRequest& request,
-                 const std::optional<std::filesystem::path>& scene_root, BlobStore& blobs);
+                 const std::optional<std::filesystem::path>& scene_root, BlobStore& blobs,
+                 ReaderHost& readers);
 
 }  // namespace fogbank::service

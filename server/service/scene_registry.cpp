@@ -52,8 +52,8 @@ std::string page_key(const v1::Scene& scene) {
 
 }  // namespace
 
-SceneRegistry::SceneRegistry(Settings settings, BlobStore& blobs, TaskQueue& loader)
-    : settings_(std::move(settings)), blobs_(blobs), loader_(loader) {
+SceneRegistry::SceneRegistry(Settings settings, BlobStore& blobs, TaskQueue& loader, ReaderHost& readers)
+    : settings_(std::move(settings)), blobs_(blobs), loader_(loader), readers_(readers) {
   create_folder_durably(settings_.folder);
   restore();
 }
@@ -185,7 +185,7 @@ void SceneRegistry::run_loading(const std::string& key, const std::string& expec
   LoadedScene loaded;
   std::exception_ptr error;
   try {
-    loaded = load(source, settings_.scene_root, blobs_);
+    loaded = load(source, settings_.scene_root, blobs_, readers_);
     if (!expected_id.empty() && loaded.id != expected_id) {
       throw RpcError(
           StatusCode::FAILED_PRECONDITION, "SCENE_CHANGED",

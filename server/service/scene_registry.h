@@ -32,10 +32,15 @@ class SceneRegistry {
   };
 
   /// Reads `folder`; what is damaged there is passed over with a log line.
-  SceneRegistry(Settings settings, BlobStore& blobs, TaskQueue& loader);
+  SceneRegistry(Settings settings, BlobStore& blobs, TaskQueue& loader, ReaderHost& readers);
 
   /// Memory of the scenes from the next one on, in bytes; none at first.
   void set_memory_budget(int64_t bytes);
+
+  /// As `find_missing` (scene_loading.h).
+  v1::PrepareSceneResponse prepare(const v1::SceneManifest& manifest) const {
+    return find_missing(manifest, blobs_, readers_);
+  }
 
   /// Either the scene or the error is set.
   using Created = std::function<void(const v1::Scene& scene, bool already_loaded, std::exception_ptr error)>;
@@ -98,6 +103,7 @@ class SceneRegistry {
   Settings settings_;
   BlobStore& blobs_;
   TaskQueue& loader_;
+  ReaderHost& readers_;
   mutable std::mutex mutex_;
   int64_t memory_budget_bytes_ = 0;
   std::map<std::string, Entry> scenes_;

@@ -80,8 +80,8 @@ grpc::ServerUnaryReactor* SceneServiceImplementation::PrepareScene(grpc::Callbac
                                                                    const v1::PrepareSceneRequest* request,
                                                                    v1::PrepareSceneResponse* response) {
   return answer(context, control_, [this, context, request, response] {
-    Tenant& tenant = tenants_.enter(*context, "SceneService.PrepareScene");
-    *response = find_missing(request->manifest(), tenant.blobs);
+    const Tenant& tenant = tenants_.enter(*context, "SceneService.PrepareScene");
+    *response = tenant.scenes.prepare(request->manifest());
   });
 }
 

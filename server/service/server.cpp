@@ -111,6 +111,24 @@ class Sweeper {
   std::thread thread_;
 };
 
+/// How well scene files are kept apart: containers may forbid layers.
+void log_confinement(ReaderHost& readers) {
+  try {
+    const Confinement found = readers.start_reader().confinement;
+    if (found.system_calls != 0 && found.files != 0) {
+      spdlog::info("scene files are read in processes confined by seccomp, Landlock and limits");
+    } else {
+      spdlog::warn(
+          "scene files are read in processes with less confinement than there might be: {}seccomp, "
+          "{}Landlock, "
+          "limits",
+          found.system_calls != 0 ? "" : "no ", found.files != 0 ? "" : "no ");
+    }
+  } catch (const std::exception& error) {
+    spdlog::error("no scene can be loaded: {}", error.what());
+  }
+}
+
 /// Whom nobody can reach from elsewhere needs no name, unless that is asked for.
 bool needs_authentication(const ServerOptions& options) {
   return options.require_tokens || !options.tls.certificate.empty();
@@ -121,7 +139,7 @@ bool needs_authentication(const ServerOptions& options) {
 /// In the order of construction; what comes later uses what comes before. The queues are closed by `stop`
 /// when nothing can post to them any more.
 struct Server::Parts {
-  explicit Parts(const ServerOptions& options)
+  Parts(const ServerOptions& options, ReaderHost& readers)
       : lock(lock_data_directory(options.data)),
         memory_bytes(options.memory_bytes > 0 ? options.memory_bytes : default_memory_bytes()),
         control("control", 2),
@@ -140,7 +158,7 @@ struct Server::Parts {
                             .cache_disk_bytes = options.cache_bytes,
                             .jobs_outlive_server = options.jobs_outlive_server,
                             .task_limits = options.task_limits}},
-                control, writer, loader, scheduler, films, traces.get()),
+                control, writer, loader, readers, scheduler, films, traces.get()),
         scene_service(tenants, control, files),
         render_service(tenants, control, files),
         probe_service(tenants, control),
@@ -174,7 +192,7 @@ struct Server::Parts {
   std::string target;
 };
 
-Server::Server(const ServerOptions& options) {
+Server::Server(const ServerOptions& options, ReaderHost& readers) {
   const ListenAddress address =
       check_listen_address(options.listen, options.insecure_any_address || !options.tls.certificate.empty());
   const auto credentials = server_credentials(options.tls);
@@ -183,7 +201,8 @@ Server::Server(const ServerOptions& options) {
     throw OptionError("--metrics: Prometheus wants HOST:PORT");
   }
   raise_descriptor_limit();
-  parts_ = std::make_unique<Parts>(options);
+  parts_ = std::make_unique<Parts>(options, readers);
+  parts_->loader.post([&readers] { log_confinement(readers); });
 
   grpc::EnableDefaultHealthCheckService(true);
   // Health and reflection, which shows the public contract, are all that needs no token.

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "service/listener.h"
+#include "service/sandbox/reader_host.h"
 #include "service/task_limits.h"
 
 namespace fogbank::service {
@@ -45,7 +46,7 @@ class Server {
   /// Starts and serves. Throws OptionError for options that are refused: an address that others can reach
   /// without TLS or `insecure_any_address`, one that is in use, files that are no certificate, a data
   /// directory that another server has or that can't be used.
-  explicit Server(const ServerOptions& options);
+  Server(const ServerOptions& options, ReaderHost& readers);
   /// As `stop`.
   ~Server();
 

@@ -27,6 +27,7 @@ struct SharedServices {
   TaskQueue& control;
   TaskQueue& writer;
   TaskQueue& loader;
+  ReaderHost& readers;
   Scheduler& scheduler;
   FilmBudget& films;
   QuotaFile& quotas;

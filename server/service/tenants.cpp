@@ -21,12 +21,13 @@ std::string_view view(const grpc::string_ref& text) { return {text.data(), text.
 }  // namespace
 
 Tenants::Tenants(Settings settings, TaskQueue& control, TaskQueue& writer, TaskQueue& loader,
-                 Scheduler& scheduler, FilmBudget& films, TraceLog* traces)
+                 ReaderHost& readers, Scheduler& scheduler, FilmBudget& films, TraceLog* traces)
     : settings_(std::move(settings)),
       quotas_(settings_.data / "quotas.json"),
       shared_{.control = control,
               .writer = writer,
               .loader = loader,
+              .readers = readers,
               .scheduler = scheduler,
               .films = films,
               .quotas = quotas_,

@@ -32,8 +32,8 @@ class Tenants {
   };
 
   /// `traces` null: nothing is traced.
-  Tenants(Settings settings, TaskQueue& control, TaskQueue& writer, TaskQueue& loader, Scheduler& scheduler,
-          FilmBudget& films, TraceLog* traces);
+  Tenants(Settings settings, TaskQueue& control, TaskQueue& writer, TaskQueue& loader, ReaderHost& readers,
+          Scheduler& scheduler, FilmBudget& films, TraceLog* traces);
 
   /// Opens the tenants of earlier lives, and goes on with their jobs.
   void open_known();

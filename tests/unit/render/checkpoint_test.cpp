@@ -75,6 +75,15 @@ TEST_F(CheckpointFile, AResumedJobGivesTheSameImage) {
   }
 }
 
+TEST_F(CheckpointFile, ATileMayBeEmpty) {
+  Checkpoint checkpoint;
+  checkpoint.tiles = {std::make_shared<TileFilm>()};
+  write_checkpoint(path(), checkpoint, identity);
+  const Checkpoint read = read_checkpoint(path(), identity);
+  ASSERT_EQ(read.tiles.size(), 1u);
+  EXPECT_TRUE(read.tiles[0]->sampled.empty());
+}
+
 TEST_F(CheckpointFile, AnErrorTargetIsMetAtTheSameSample) {
   RenderSettings settings = small_settings(40, 24, 4096);
   settings.error = 0.05;

@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include "scene/mitsuba_sensor_rays.h"
+#include "scene/scene_builder.h"
+#include "scene/scene_file_reader.h"
 #include "scene/scene_files.h"
 #include "scene/sensor_reader.h"
 #include "scene/xml/parser.h"
@@ -17,8 +19,8 @@ TEST(SensorAgainstMitsuba, Rays) {
     const auto files = folder.source();
     const ParsedScene parsed = parse_scene("scene.xml", *files, {});
     Scene scene;
-    ContentHashes hashes(*files);
-    SceneBuilder builder(scene, *files, hashes);
+    const auto reader = read_in_process(files);
+    SceneBuilder builder(scene, *reader);
     read_sensor(*parsed.objects.at(0), builder);
 
     const Window& crop = scene.film.crop;

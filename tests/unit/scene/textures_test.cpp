@@ -6,6 +6,7 @@
 
 #include "scene/image_files.h"
 #include "scene/memory_files.h"
+#include "scene/scene_file_reader.h"
 #include "scene/texture_library.h"
 
 namespace fogbank::scene::test {
@@ -50,7 +51,7 @@ class TexturesTest : public ::testing::Test {
       {"grid.png", image_file("png", 4, 3, grid)},
       {"same.png", image_file("png", 4, 3, grid)},
       {"bright.exr", image_file<float>("openexr", 2, 1, {0.5f, 0.5f, 0.5f, 2.0f, 2.0f, 2.0f})}});
-  TextureLibrary library_{files_};
+  TextureLibrary library_{read_in_process(files_)};
 };
 
 // `bitmap` with raw=true on the same 4 x 3 image: first channel of `eval`. Mitsuba stores 8-bit texels
@@ -228,7 +229,7 @@ TEST_F(TexturesTest, ReadTextureTakesNumbersColoursAndTextures) {
 TEST_F(TexturesTest, ImagesAreSharedByContent) {
   const ImagePointer first = library_.image("grid.png", false, where);
   EXPECT_EQ(library_.image("grid.png", false, where), first);
-  EXPECT_EQ(files_->reads(), 1);
+  EXPECT_EQ(files_->reads(), 2);  // for its hash, and for its pixels
   EXPECT_EQ(library_.image("same.png", false, where), first);
   EXPECT_NE(library_.image("grid.png", true, where), first);
   EXPECT_GT(library_.seconds(), 0.0);
@@ -249,7 +250,7 @@ TEST_F(TexturesTest, BadTexturesAreRefused) {
 
 TEST_F(TexturesTest, LenientLoadingSubstitutesAndWarns) {
   std::vector<std::string> warnings;
-  TextureLibrary lenient(files_, &warnings);
+  TextureLibrary lenient(read_in_process(files_), &warnings);
   EXPECT_EQ(lenient.texture(object("texture", "marble", {}))->evaluate({0, 0}), Spectrum(0.5f));
   EXPECT_EQ(lenient.texture(object("texture", "checkerboard", {property("lines", 3.0)}))->maximum(), 0.4f);
   ASSERT_EQ(warnings.size(), 2u);
