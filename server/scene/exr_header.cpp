@@ -64,6 +64,8 @@ ExrSize read_exr_size(const std::string& bytes) {
       const auto x_max = reader.value<int32_t>();
       const auto y_max = reader.value<int32_t>();
       if (!y_max) return size;
+      size.x = *x_min;
+      size.y = *y_min;
       size.width = int64_t{*x_max} - *x_min + 1;
       size.height = int64_t{*y_max} - *y_min + 1;
       has_window = true;

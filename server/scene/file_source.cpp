@@ -36,7 +36,8 @@ std::string opened_path(int descriptor) {
 /// Opens `absolute` for reading; `path` is its name in messages. The file is first opened without access
 /// (O_PATH), so that neither a FIFO can block nor a device be touched, and what was opened is what is
 /// checked: a symbolic link that is exchanged meanwhile changes nothing. An empty `root` allows any place.
-FileDescriptor open_regular_file(const std::string& absolute, const std::string& root, const std::string& path) {
+FileDescriptor open_regular_file(const std::string& absolute, const std::string& root,
+                                 const std::string& path) {
   const FileDescriptor located(::open(absolute.c_str(), O_PATH | O_CLOEXEC));
   if (!located.valid()) {
     if (errno == ENOENT || errno == ENOTDIR) not_found(path);

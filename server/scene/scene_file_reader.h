@@ -35,8 +35,8 @@ class SceneFileReader {
   virtual Mesh mesh(const MeshFileRequest& request, const SourceLocation& where) = 0;
   /// As read_image (image_reader.h).
   virtual Image image(const std::string& path, bool raw, const SourceLocation& where) = 0;
-  /// SHA-256 of a file's contents, computed once: 64 hexadecimal digits. What `mesh` and `image` return is of these
-  /// very contents.
+  /// SHA-256 of a file's contents, computed once: 64 hexadecimal digits. What `mesh` and `image` return is of
+  /// these very contents.
   virtual std::string hash(const std::string& path) = 0;
 };
 

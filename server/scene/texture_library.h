@@ -46,7 +46,8 @@ class TextureLibrary {
  public:
   /// With `warnings`, loading is lenient: an unknown plugin becomes a grey of 0.5, an unknown parameter is
   /// passed over, and each adds a warning. The list must outlive the library.
-  explicit TextureLibrary(std::shared_ptr<SceneFileReader> files, std::vector<std::string>* warnings = nullptr);
+  explicit TextureLibrary(std::shared_ptr<SceneFileReader> files,
+                          std::vector<std::string>* warnings = nullptr);
 
   /// Throws SceneError for an unknown plugin (naming the supported ones), textures nested more than 32 deep,
   /// a missing or damaged file, or one over the size limits (checked against the header before anything is

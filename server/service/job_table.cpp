@@ -118,7 +118,8 @@ std::shared_ptr<Job> JobTable::make_job(const v1::CreateJobRequest& request,
                    {{"field", "priority"}});
   }
   if (!settings.effective.reference_sha256().empty())
-    load_reference(settings.effective.reference_sha256(), settings.engine.film.crop, blobs_);
+    load_reference(settings.effective.reference_sha256(), settings.engine.film.crop, blobs_,
+                   scenes_.readers());
   if (settings.effective.has_epoch()) {
     caches_.at_epoch(cache::record_field(scene, settings.effective.max_depth()), settings.effective.epoch());
   }
@@ -210,7 +211,8 @@ void JobTable::start(const std::shared_ptr<Job>& job) {
 render::RenderSettings JobTable::engine_settings(const Job& job, const scene::Scene& scene) {
   render::RenderSettings engine = resolve_settings(job.settings(), scene, scheduler_.threads()).engine;
   if (!job.settings().reference_sha256().empty())
-    engine.reference = load_reference(job.settings().reference_sha256(), engine.film.crop, blobs_);
+    engine.reference =
+        load_reference(job.settings().reference_sha256(), engine.film.crop, blobs_, scenes_.readers());
   if (job.uses_cache()) {
     const scene::FieldIdentity field = cache::record_field(scene, job.max_depth());
     const auto epoch = job.epoch();

@@ -74,6 +74,7 @@ class SceneRegistry {
     int64_t resident_bytes = 0;
   };
   Counts counts() const;
+  ReaderHost& readers() const { return readers_; }
   bool has_scene_root() const { return settings_.scene_root.has_value(); }
 
  private:

@@ -1,5 +1,5 @@
-// What the fuzz targets share. A target is handed bytes; it finds something when it crashes, hangs, takes more memory
-// than it may, does what the sanitizers object to, or when `require` does not hold.
+// What the fuzz targets share. A target is handed bytes; it finds something when it crashes, hangs, takes
+// more memory than it may, does what the sanitizers object to, or when `require` does not hold.
 #pragma once
 
 #include <cstddef>

@@ -12,7 +12,8 @@ void check(const std::string& text) {
   cache::Manifest manifest;
   if (!fuzz::accepts([&] { manifest = cache::parse_manifest(text, "manifest"); })) return;
   const std::string written = cache::to_text(manifest);
-  fuzz::require(cache::to_text(cache::parse_manifest(written, "manifest")) == written, "it reads back the same");
+  fuzz::require(cache::to_text(cache::parse_manifest(written, "manifest")) == written,
+                "it reads back the same");
 }
 
 }  // namespace

@@ -31,7 +31,8 @@ void check_reader(const Read& read) {
   options.flip_tex_coords = true;
   options.max_smooth_angle_degrees = 30;
   require(accepts([&] { check_mesh(read(options)); }), "options refuse no mesh");
-  scene::Mesh mesh = read({.path = "mesh", .face_normals = true, .flip_tex_coords = false, .max_smooth_angle_degrees = {}});
+  scene::Mesh mesh =
+      read({.path = "mesh", .face_normals = true, .flip_tex_coords = false, .max_smooth_angle_degrees = {}});
   scene::complete_vertex_normals(mesh);
   check_mesh(mesh);
 }

@@ -1,5 +1,5 @@
-// Segments of caches: as they are, resealed as someone who knows the format would, and the input as the columns that a
-// chunk holds compressed, since hardly any change of a compressed stream gets past zstd.
+// Segments of caches: as they are, resealed as someone who knows the format would, and the input as the
+// columns that a chunk holds compressed, since hardly any change of a compressed stream gets past zstd.
 #include <xxhash.h>
 #include <zstd.h>
 
@@ -38,7 +38,8 @@ std::string resealed(std::string bytes) {
   }
   const std::string digest = sha256(std::string_view(bytes).substr(0, bytes.size() - footer_bytes));
   for (size_t i = 0; i < 32; ++i)
-    bytes[bytes.size() - footer_bytes + i] = static_cast<char>(std::stoi(digest.substr(2 * i, 2), nullptr, 16));
+    bytes[bytes.size() - footer_bytes + i] =
+        static_cast<char>(std::stoi(digest.substr(2 * i, 2), nullptr, 16));
   return bytes;
 }
 
@@ -52,8 +53,8 @@ void check_columns(const std::string& bytes) {
   const size_t count = (bytes.size() - component_bytes) / record_bytes;
   if (count == 0 || count > cache::most_chunk_records) return;
   std::string payload(ZSTD_compressBound(bytes.size()), '\0');
-  payload.resize(ZSTD_compress(payload.data(), payload.size(), bytes.data() + component_bytes,
-                               count * record_bytes, 1));
+  payload.resize(
+      ZSTD_compress(payload.data(), payload.size(), bytes.data() + component_bytes, count * record_bytes, 1));
   std::vector<cache::Record> records(count);
   fuzz::require(cache::unpack_chunk(payload, component, records), "columns of the right size are records");
   cache::RecordSet set;

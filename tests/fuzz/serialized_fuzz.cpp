@@ -1,5 +1,5 @@
-// Mitsuba's .serialized meshes: files as they are, and the input as what a file holds compressed, since hardly any change
-// of a compressed stream gets past zlib.
+// Mitsuba's .serialized meshes: files as they are, and the input as what a file holds compressed, since
+// hardly any change of a compressed stream gets past zlib.
 #include <zlib.h>
 
 #include <vector>
@@ -19,7 +19,7 @@ std::string file_around(const std::string& contents) {
                 "zlib compresses");
   std::string file("\x1c\x04\x04\x00", 4);
   file.append(reinterpret_cast<const char*>(compressed.data()), size);
-  file.append(8, '\0');                  // offset of the mesh
+  file.append(8, '\0');                // offset of the mesh
   file.append("\x01\x00\x00\x00", 4);  // number of meshes
   return file;
 }

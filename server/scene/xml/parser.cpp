@@ -152,8 +152,8 @@ class DescriptionBuilder {
         "objects are nested more than " + std::to_string(LoadLimits::depth) + " deep through references");
   }
 
-  /// An object may refer to one that is complete already, and that to another, for as long as the file goes on;
-  /// whatever walks down objects later must come to an end on its stack.
+  /// An object may refer to one that is complete already, and that to another, for as long as the file goes
+  /// on; whatever walks down objects later must come to an end on its stack.
   void note_depth(const ObjectDescription& description, const XmlElement& element) {
     int depth = 1;
     for (const Property& property : description.properties)

@@ -18,7 +18,8 @@ namespace {
 
 /// Bytes of address space that the process has: libraries, mostly.
 uint64_t address_space() {
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen("/proc/self/statm", "re"), &std::fclose);
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen("/proc/self/statm", "re"),
+                                                             &std::fclose);
   unsigned long pages = 0;
   if (!file || std::fscanf(file.get(), "%lu", &pages) != 1) return 0;
   return uint64_t{pages} * static_cast<uint64_t>(::sysconf(_SC_PAGESIZE));
@@ -56,22 +57,58 @@ bool forbid_paths() {
   return done;
 }
 
-/// What readers call. Everything else fails with EPERM, which libraries cope with, but for calls that only an intruder
-/// makes: those end the process.
-constexpr int allowed[] = {
-    SCMP_SYS(read),          SCMP_SYS(pread64),     SCMP_SYS(write),          SCMP_SYS(lseek),
-    SCMP_SYS(close),         SCMP_SYS(sendto),      SCMP_SYS(recvfrom),       SCMP_SYS(recvmsg),
-    SCMP_SYS(munmap),        SCMP_SYS(mremap),      SCMP_SYS(brk),            SCMP_SYS(madvise),
-    SCMP_SYS(futex),         SCMP_SYS(exit),        SCMP_SYS(exit_group),     SCMP_SYS(rt_sigreturn),
-    SCMP_SYS(rt_sigaction),  SCMP_SYS(rt_sigprocmask), SCMP_SYS(clock_gettime), SCMP_SYS(clock_nanosleep),
-    SCMP_SYS(gettimeofday),  SCMP_SYS(getrandom),   SCMP_SYS(getpid),         SCMP_SYS(gettid),
-    SCMP_SYS(set_robust_list), SCMP_SYS(rseq), SCMP_SYS(sched_yield),   SCMP_SYS(sched_getaffinity), SCMP_SYS(restart_syscall)};
-constexpr int deadly[] = {SCMP_SYS(socket),  SCMP_SYS(connect), SCMP_SYS(bind),     SCMP_SYS(listen),
-                          SCMP_SYS(accept),  SCMP_SYS(accept4), SCMP_SYS(execve),   SCMP_SYS(execveat),
-                          SCMP_SYS(fork),    SCMP_SYS(vfork),   SCMP_SYS(ptrace),   SCMP_SYS(kill),
-                          SCMP_SYS(tkill),   SCMP_SYS(bpf),     SCMP_SYS(io_uring_setup),
-                          SCMP_SYS(process_vm_readv), SCMP_SYS(process_vm_writev), SCMP_SYS(unshare),
-                          SCMP_SYS(mount),   SCMP_SYS(keyctl),  SCMP_SYS(perf_event_open)};
+/// What readers call. Everything else fails with EPERM, which libraries cope with, but for calls that only an
+/// intruder makes: those end the process.
+constexpr int allowed[] = {SCMP_SYS(read),
+                           SCMP_SYS(pread64),
+                           SCMP_SYS(write),
+                           SCMP_SYS(lseek),
+                           SCMP_SYS(close),
+                           SCMP_SYS(sendto),
+                           SCMP_SYS(recvfrom),
+                           SCMP_SYS(recvmsg),
+                           SCMP_SYS(munmap),
+                           SCMP_SYS(mremap),
+                           SCMP_SYS(brk),
+                           SCMP_SYS(madvise),
+                           SCMP_SYS(futex),
+                           SCMP_SYS(exit),
+                           SCMP_SYS(exit_group),
+                           SCMP_SYS(rt_sigreturn),
+                           SCMP_SYS(rt_sigaction),
+                           SCMP_SYS(rt_sigprocmask),
+                           SCMP_SYS(clock_gettime),
+                           SCMP_SYS(clock_nanosleep),
+                           SCMP_SYS(gettimeofday),
+                           SCMP_SYS(getrandom),
+                           SCMP_SYS(getpid),
+                           SCMP_SYS(gettid),
+                           SCMP_SYS(set_robust_list),
+                           SCMP_SYS(rseq),
+                           SCMP_SYS(sched_yield),
+                           SCMP_SYS(sched_getaffinity),
+                           SCMP_SYS(restart_syscall)};
+constexpr int deadly[] = {SCMP_SYS(socket),
+                          SCMP_SYS(connect),
+                          SCMP_SYS(bind),
+                          SCMP_SYS(listen),
+                          SCMP_SYS(accept),
+                          SCMP_SYS(accept4),
+                          SCMP_SYS(execve),
+                          SCMP_SYS(execveat),
+                          SCMP_SYS(fork),
+                          SCMP_SYS(vfork),
+                          SCMP_SYS(ptrace),
+                          SCMP_SYS(kill),
+                          SCMP_SYS(tkill),
+                          SCMP_SYS(bpf),
+                          SCMP_SYS(io_uring_setup),
+                          SCMP_SYS(process_vm_readv),
+                          SCMP_SYS(process_vm_writev),
+                          SCMP_SYS(unshare),
+                          SCMP_SYS(mount),
+                          SCMP_SYS(keyctl),
+                          SCMP_SYS(perf_event_open)};
 
 bool add_rules(scmp_filter_ctx filter) {
   for (const int call : allowed)
@@ -80,8 +117,10 @@ bool add_rules(scmp_filter_ctx filter) {
     if (seccomp_rule_add(filter, SCMP_ACT_KILL_PROCESS, call, 0) != 0) return false;
   // Memory, but none that can be run.
   for (const int call : {SCMP_SYS(mmap), SCMP_SYS(mprotect)})
-    if (seccomp_rule_add(filter, SCMP_ACT_ALLOW, call, 1, SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0)) != 0) return false;
-  // OpenImageIO keeps a thread whatever it is told. Flags of clone3 can't be looked at; without it, clone is called.
+    if (seccomp_rule_add(filter, SCMP_ACT_ALLOW, call, 1, SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0)) != 0)
+      return false;
+  // OpenImageIO keeps a thread whatever it is told. Flags of clone3 can't be looked at; without it, clone is
+  // called.
   if (seccomp_rule_add(filter, SCMP_ACT_ERRNO(ENOSYS), SCMP_SYS(clone3), 0) != 0 ||
       seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(clone), 1,
                        SCMP_A0(SCMP_CMP_MASKED_EQ, CLONE_THREAD, CLONE_THREAD)) != 0)

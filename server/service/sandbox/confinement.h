@@ -17,8 +17,8 @@ struct Confinement {
   uint8_t files = 0;         ///< Landlock: no paths
 };
 
-/// Confines the calling process, which has one thread so far, for good: it may go on to read and write what is open, and to
-/// take memory. Containers may forbid the one or the other layer.
+/// Confines the calling process, which has one thread so far, for good: it may go on to read and write what
+/// is open, and to take memory. Containers may forbid the one or the other layer.
 Confinement confine_this_process();
 
 }  // namespace fogbank::service

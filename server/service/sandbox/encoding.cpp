@@ -331,7 +331,8 @@ void throw_decoded_error(std::string_view bytes) {
   const std::string reason = decoder.get_text();
   const bool in_scene = decoder.get_bool();
   const SourceLocation where = decoder.get_location();
-  const std::string message = decoder.get_text();
+  // May quote any bytes of a file; whoever shows it makes it presentable.
+  const std::string message(decoder.take(decoder.get<uint64_t>()));
   decoder.finish();
   if (kind > ErrorKind::internal) throw BadMessage("an error of no kind");
   if (in_scene) throw SceneError(kind, reason, where, message);
@@ -377,7 +378,8 @@ ImageHeader header_of(const scene::Image& image) {
 void check(const ImageHeader& header) {
   if (header.width < 1 || header.height < 1 || header.width > LoadLimits::image_side ||
       header.height > LoadLimits::image_side || (header.channels != 1 && header.channels != 3) ||
-      header.is_bytes > 1 || header.values() * (header.is_bytes != 0 ? 1 : sizeof(float)) > LoadLimits::image_bytes)
+      header.is_bytes > 1 ||
+      header.values() * (header.is_bytes != 0 ? 1 : sizeof(float)) > LoadLimits::image_bytes)
     throw BadMessage("an image contradicts itself");
 }
 

@@ -1,5 +1,5 @@
-// What the reading process and the server tell each other, as bytes. The server trusts none of those that come from the
-// reading process, which a hostile file may have taken over.
+// What the reading process and the server tell each other, as bytes. The server trusts none of those that
+// come from the reading process, which a hostile file may have taken over.
 #pragma once
 
 #include <cstdint>

@@ -60,13 +60,15 @@ void perform(const Socket& server, RequestKind kind, const std::string& bytes) {
     case RequestKind::parse: {
       const ParseRequest request = decode_parse_request(bytes);
       ServerFiles files(server);
-      answer(server, AnswerKind::scene, encode(scene::parse_scene(request.main_path, files, request.options)));
+      answer(server, AnswerKind::scene,
+             encode(scene::parse_scene(request.main_path, files, request.options)));
       return;
     }
     case RequestKind::references: {
       const ParseRequest request = decode_parse_request(bytes);
       answer(server, AnswerKind::references,
-             encode(scene::list_references(request.main_path, std::make_shared<ServerFiles>(server), request.options)));
+             encode(scene::list_references(request.main_path, std::make_shared<ServerFiles>(server),
+                                           request.options)));
       return;
     }
     case RequestKind::mesh: {

@@ -169,9 +169,7 @@ ReaderHost::~ReaderHost() {
   if (process_ > 0) ::waitpid(process_, nullptr, 0);
 }
 
-int ReaderHost::run_as_host(const Work& work) {
-  return run_host(first_descriptor, work);
-}
+int ReaderHost::run_as_host(const Work& work) { return run_host(first_descriptor, work); }
 
 void ReaderHost::start_program() {
   control_.close();

@@ -1,6 +1,6 @@
-// Where reading processes come from. A process with threads can't fork soundly, and starting the program anew costs half a
-// second of loading libraries for each scene. So, before it has threads, the server forks a host, which does nothing but
-// fork a reading process for each scene.
+// Where reading processes come from. A process with threads can't fork soundly, and starting the program anew
+// costs half a second of loading libraries for each scene. So, before it has threads, the server forks a
+// host, which does nothing but fork a reading process for each scene.
 #pragma once
 
 #include <sys/types.h>
@@ -37,8 +37,8 @@ class ReaderHost {
   ReaderHost(const ReaderHost&) = delete;
   ReaderHost& operator=(const ReaderHost&) = delete;
 
-  /// A new reading process, confined. If the host has been killed, another takes its place: the program itself, started
-  /// anew with `argument`. Thread-safe. Throws Error(internal, "NO_SCENE_READER").
+  /// A new reading process, confined. If the host has been killed, another takes its place: the program
+  /// itself, started anew with `argument`. Thread-safe. Throws Error(internal, "NO_SCENE_READER").
   ReaderProcess start_reader();
 
   /// The program's only argument when it is started as a host; `run_as_host` is all that it has to do then.

@@ -79,7 +79,8 @@ class SandboxedFiles::Session {
         const auto answer = static_cast<AnswerKind>(header.kind);
         if (answer == wanted) return read(header.bytes);
         if (answer == AnswerKind::error) throw_decoded_error(text(header.bytes));
-        if (answer != AnswerKind::exists && answer != AnswerKind::open) throw BadMessage("an answer of no kind");
+        if (answer != AnswerKind::exists && answer != AnswerKind::open)
+          throw BadMessage("an answer of no kind");
         serve(answer, text(header.bytes));
       }
     } catch (const SocketClosed&) {
@@ -111,7 +112,8 @@ class SandboxedFiles::Session {
   /// What was parsed is what was hashed.
   void check_unchanged(const FileDescriptor& file) {
     if (!(hashes_.at(path_).second == Stamp::of(file)))
-      fail(ErrorKind::failed_precondition, "FILE_CHANGED", "file " + scene::quote(path_) + " changes while it is read");
+      fail(ErrorKind::failed_precondition, "FILE_CHANGED",
+           "file " + scene::quote(path_) + " changes while it is read");
   }
 
   std::string text(uint64_t bytes) const {
@@ -202,7 +204,8 @@ void SandboxedFiles::close() { session_.reset(); }
 
 scene::ParsedScene SandboxedFiles::parse(const std::string& main_path, const scene::LoadOptions& options) {
   session_->begin(main_path, {});
-  return session_->ask(RequestKind::parse, encode(ParseRequest{main_path, options}), nullptr, AnswerKind::scene,
+  return session_->ask(RequestKind::parse, encode(ParseRequest{main_path, options}), nullptr,
+                       AnswerKind::scene,
                        [&](uint64_t bytes) { return decode_scene(session_->text(bytes)); });
 }
 
@@ -217,22 +220,23 @@ std::vector<std::string> SandboxedFiles::references(const std::string& main_path
 scene::Mesh SandboxedFiles::mesh(const scene::MeshFileRequest& request, const SourceLocation& where) {
   session_->begin(request.options.path, where);
   const FileDescriptor file = session_->open();
-  scene::Mesh mesh = session_->ask(
-      RequestKind::mesh, encode(MeshRequest{request, where}), &file, AnswerKind::mesh, [&](uint64_t bytes) {
-        const auto header = session_->receive_value<MeshHeader>();
-        check(header);
-        if (bytes != sizeof header + header.bytes()) throw BadMessage("a mesh of another length");
-        scene::Mesh result;
-        result.positions.reserve(header.positions + 1);  // mesh.h
-        session_->receive_all(result.positions, header.positions);
-        session_->receive_all(result.normals, header.normals);
-        session_->receive_all(result.uvs, header.uvs);
-        session_->receive_all(result.triangles, header.triangles);
-        result.dropped_triangles = header.dropped_triangles;
-        result.faceted = header.faceted != 0;
-        check(result);
-        return result;
-      });
+  scene::Mesh mesh = session_->ask(RequestKind::mesh, encode(MeshRequest{request, where}), &file,
+                                   AnswerKind::mesh, [&](uint64_t bytes) {
+                                     const auto header = session_->receive_value<MeshHeader>();
+                                     check(header);
+                                     if (bytes != sizeof header + header.bytes())
+                                       throw BadMessage("a mesh of another length");
+                                     scene::Mesh result;
+                                     result.positions.reserve(header.positions + 1);  // mesh.h
+                                     session_->receive_all(result.positions, header.positions);
+                                     session_->receive_all(result.normals, header.normals);
+                                     session_->receive_all(result.uvs, header.uvs);
+                                     session_->receive_all(result.triangles, header.triangles);
+                                     result.dropped_triangles = header.dropped_triangles;
+                                     result.faceted = header.faceted != 0;
+                                     check(result);
+                                     return result;
+                                   });
   session_->check_unchanged(file);
   return mesh;
 }
@@ -240,24 +244,25 @@ scene::Mesh SandboxedFiles::mesh(const scene::MeshFileRequest& request, const So
 scene::Image SandboxedFiles::image(const std::string& path, bool raw, const SourceLocation& where) {
   session_->begin(path, where);
   const FileDescriptor file = session_->open();
-  scene::Image image =
-      session_->ask(RequestKind::image, encode(ImageRequest{path, raw, where}), &file, AnswerKind::image,
-                    [&](uint64_t bytes) {
-                      const auto header = session_->receive_value<ImageHeader>();
-                      check(header);
-                      const uint64_t value_bytes = header.values() * (header.is_bytes != 0 ? 1 : sizeof(float));
-                      if (bytes != sizeof header + value_bytes) throw BadMessage("an image of another length");
-                      scene::Image result;
-                      result.width = header.width;
-                      result.height = header.height;
-                      result.channels = header.channels;
-                      if (header.is_bytes != 0)
-                        session_->receive_all(result.bytes, header.values());
-                      else
-                        session_->receive_all(result.data, header.values());
-                      complete(result, raw);
-                      return result;
-                    });
+  scene::Image image = session_->ask(RequestKind::image, encode(ImageRequest{path, raw, where}), &file,
+                                     AnswerKind::image, [&](uint64_t bytes) {
+                                       const auto header = session_->receive_value<ImageHeader>();
+                                       check(header);
+                                       const uint64_t value_bytes =
+                                           header.values() * (header.is_bytes != 0 ? 1 : sizeof(float));
+                                       if (bytes != sizeof header + value_bytes)
+                                         throw BadMessage("an image of another length");
+                                       scene::Image result;
+                                       result.width = header.width;
+                                       result.height = header.height;
+                                       result.channels = header.channels;
+                                       if (header.is_bytes != 0)
+                                         session_->receive_all(result.bytes, header.values());
+                                       else
+                                         session_->receive_all(result.data, header.values());
+                                       complete(result, raw);
+                                       return result;
+                                     });
   session_->check_unchanged(file);
   return image;
 }

@@ -9,10 +9,10 @@
 
 namespace fogbank::service {
 
-/// SceneFileReader whose every byte is parsed elsewhere. This side opens files (so that the rules of `files` about paths hold),
-/// hashes them, and checks all that comes back. When the reading process dies, or says what none of ours says, the call
-/// in progress throws SceneError naming the file: SCENE_READER_CRASHED (invalid_argument), FILE_TAKES_TOO_LONG,
-/// FILE_TAKES_TOO_MUCH_MEMORY (resource_exhausted).
+/// SceneFileReader whose every byte is parsed elsewhere. This side opens files (so that the rules of `files`
+/// about paths hold), hashes them, and checks all that comes back. When the reading process dies, or says
+/// what none of ours says, the call in progress throws SceneError naming the file: SCENE_READER_CRASHED
+/// (invalid_argument), FILE_TAKES_TOO_LONG, FILE_TAKES_TOO_MUCH_MEMORY (resource_exhausted).
 class SandboxedFiles final : public scene::SceneFileReader {
  public:
   SandboxedFiles(ReaderHost& host, std::shared_ptr<const scene::StoredFiles> files);

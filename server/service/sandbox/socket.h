@@ -1,4 +1,5 @@
-// A connected pair of unix sockets: bytes and open files between the server and the processes that read scenes.
+// A connected pair of unix sockets: bytes and open files between the server and the processes that read
+// scenes.
 #pragma once
 
 #include <cstddef>

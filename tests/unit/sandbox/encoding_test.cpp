@@ -59,9 +59,11 @@ TEST(Encoding, RequestsComeBack) {
   EXPECT_TRUE(parse_back.options.lenient);
 
   MeshRequest mesh;
-  mesh.file = {.type = "serialized",
-               .shape_index = 3,
-               .options = {.path = "m", .face_normals = true, .flip_tex_coords = false, .max_smooth_angle_degrees = 30}};
+  mesh.file = {
+      .type = "serialized",
+      .shape_index = 3,
+      .options = {
+          .path = "m", .face_normals = true, .flip_tex_coords = false, .max_smooth_angle_degrees = 30}};
   mesh.where = where;
   const MeshRequest mesh_back = decode_mesh_request(encode(mesh));
   EXPECT_EQ(mesh_back.file.type, "serialized");
@@ -78,7 +80,8 @@ TEST(Encoding, RequestsComeBack) {
 }
 
 TEST(Encoding, ErrorsComeBackWithTheirPlace) {
-  const SceneError error(ErrorKind::unsupported, "REASON", {"scene.xml", 7, "<shape>"}, "a: message");
+  // With a byte of a file that is no UTF-8.
+  const SceneError error(ErrorKind::unsupported, "REASON", {"scene.xml", 7, "<shape>"}, "a: message \xff");
   try {
     throw_decoded_error(encode(error));
   } catch (const SceneError& back) {
@@ -123,7 +126,8 @@ TEST(Encoding, NestingIsBounded) {
 }
 
 TEST(Encoding, MeshesAndImagesAreHeldAgainstWhatTheyCanBe) {
-  const MeshHeader good{.positions = 3, .normals = 0, .uvs = 3, .triangles = 1, .dropped_triangles = 0, .faceted = 0};
+  const MeshHeader good{
+      .positions = 3, .normals = 0, .uvs = 3, .triangles = 1, .dropped_triangles = 0, .faceted = 0};
   EXPECT_NO_THROW(check(good));
   MeshHeader header = good;
   header.normals = 2;

@@ -15,9 +15,9 @@
 
 #include "scene/image_files.h"
 #include "scene/loader.h"
-#include "scene/texture_library.h"
 #include "scene/scene_file_reader.h"
 #include "scene/scene_files.h"
+#include "scene/texture_library.h"
 #include "service/sandbox/encoding.h"
 #include "service/sandbox/reader.h"
 
@@ -78,12 +78,18 @@ TEST(SandboxedFiles, MeshesAndImagesAreThoseOfTheReaders) {
   folder.write("mesh.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")
       .write("damaged.obj", "v 0 0 0\nf 1 2 3\n")
       .write("bytes.png", scene::test::image_file<uint8_t>("png", 4, 3, scene::test::grid))
-      .write("floats.exr", scene::test::image_file<float>("openexr", 1, 2, {1, 2, 3, 0.5f, 6, -7}, {"R", "G", "B"}));
+      .write("floats.exr",
+             scene::test::image_file<float>("openexr", 1, 2, {1, 2, 3, 0.5f, 6, -7}, {"R", "G", "B"}));
   const auto stored = scene::folder_source(folder.path().string());
   SandboxedFiles files(host, stored);
   const auto direct = scene::read_in_process(stored);
   const SourceLocation where{"scene.xml", 3, "<shape>"};
-  const scene::MeshFileRequest request{.type = "obj", .shape_index = 0, .options = {.path = "mesh.obj", .face_normals = false, .flip_tex_coords = true, .max_smooth_angle_degrees = 20}};
+  const scene::MeshFileRequest request{.type = "obj",
+                                       .shape_index = 0,
+                                       .options = {.path = "mesh.obj",
+                                                   .face_normals = false,
+                                                   .flip_tex_coords = true,
+                                                   .max_smooth_angle_degrees = 20}};
   const scene::Mesh mesh = files.mesh(request, where);
   const scene::Mesh expected = direct->mesh(request, where);
   EXPECT_EQ(mesh.positions, expected.positions);
@@ -124,7 +130,8 @@ TEST(ReaderHost, ACrashIsOneErrorThatNamesTheFile) {
   EXPECT_EQ(thrown.reason, "SCENE_READER_CRASHED");
   EXPECT_NE(thrown.message.find("'scene.xml'"), std::string::npos) << thrown.message;
   // As the kernel does when memory runs out.
-  EXPECT_EQ(thrown_when_parsing(misbehaving([] { std::raise(SIGKILL); })).reason, "FILE_TAKES_TOO_MUCH_MEMORY");
+  EXPECT_EQ(thrown_when_parsing(misbehaving([] { std::raise(SIGKILL); })).reason,
+            "FILE_TAKES_TOO_MUCH_MEMORY");
 }
 
 TEST(ReaderHost, NonsenseIsRefused) {
@@ -152,13 +159,13 @@ TEST(ReaderHost, ReadersCanReachNothing) {
 }
 
 TEST(ReaderHost, IntrudersAreEnded) {
-  for (const auto& misdeed : std::initializer_list<std::function<void()>>{
-           [] { ::socket(AF_INET, SOCK_STREAM, 0); },
-           [] {
-             char* const arguments[] = {nullptr};
-             ::execve("/bin/true", arguments, arguments);
-           },
-           [] { ::kill(::getppid(), SIGKILL); }}) {
+  for (const auto& misdeed :
+       std::initializer_list<std::function<void()>>{[] { ::socket(AF_INET, SOCK_STREAM, 0); },
+                                                    [] {
+                                                      char* const arguments[] = {nullptr};
+                                                      ::execve("/bin/true", arguments, arguments);
+                                                    },
+                                                    [] { ::kill(::getppid(), SIGKILL); }}) {
     ReaderHost host(misbehaving(misdeed));
     const ReaderProcess reader = host.start_reader();
     if (reader.confinement.system_calls == 0) GTEST_SKIP() << "seccomp is not to be had here";
