@@ -10,6 +10,7 @@ from pathlib import Path
 import fogbank
 import pytest
 from cryptography import x509
+from cryptography.x509.oid import ExtendedKeyUsageOID
 from fogbank.certificates import issue_server, make_authority
 from fogbank.tokens import TokenFile
 from fogbank_cli.exit_codes import ExitCode
@@ -89,6 +90,24 @@ def test_tls_init_makes_what_a_server_needs(tmp_path: Path, capsys: pytest.Captu
     assert (folder / "server.pem").read_bytes() != before[1]
     for taken in ("ca", "server", "Farm"):
         assert run(["tls", "worker", str(folder), taken]) == ExitCode.USAGE
+
+
+def test_farms_have_an_authority_of_their_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    farm, server = tmp_path / "farm", tmp_path / "server"
+    printed(capsys, tmp_path, "tls", "farm", str(farm))
+    before = (farm / "ca.pem").read_bytes(), (farm / "dask.pem").read_bytes()
+    printed(capsys, tmp_path, "tls", "farm", str(farm))
+    assert (farm / "ca.pem").read_bytes() == before[0]
+    assert (farm / "dask.pem").read_bytes() != before[1]
+    certificate = x509.load_pem_x509_certificate((farm / "dask.pem").read_bytes())
+    certificate.verify_directly_issued_by(x509.load_pem_x509_certificate(before[0]))
+    usages = certificate.extensions.get_extension_for_class(x509.ExtendedKeyUsage).value
+    assert set(usages) == {ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH}
+    assert stat.S_IMODE((farm / "dask.key").stat().st_mode) == 0o600
+    # A tenant's certificate would open the farm.
+    assert run(["tls", "worker", str(farm), "studio"]) == ExitCode.USAGE
+    printed(capsys, tmp_path, "tls", "init", str(server), "--host", "localhost")
+    assert run(["tls", "farm", str(server)]) == ExitCode.USAGE
 
 
 def test_a_token_is_not_sent_where_others_can_read_it() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-from fogbank.certificates import CertificateFiles, issue_client, issue_server, make_authority
+from fogbank.certificates import CertificateFiles, issue_client, issue_farm, issue_server, make_authority
 from fogbank.tokens import TENANT_NAME
 
 from fogbank_cli.session import Session, json_option, pass_session
@@ -52,7 +52,26 @@ def worker(session: Session, /, folder: Path, tenant: str) -> None:
         raise click.UsageError(f"{tenant!r} is not a tenant: 1 to 32 characters of [a-z0-9-], not - first")
     if tenant in ("ca", "server"):
         raise click.UsageError(f"{tenant!r} is taken: FOLDER/{tenant}.pem is something else")
+    if (folder / "dask.pem").exists():
+        raise click.UsageError(f"{folder} is a farm's: whoever has a certificate of it may run programs there")
     _report(session, "worker", issue_client(folder, tenant))
+
+
+@tls.command()
+@_folder_argument
+@json_option
+@pass_session
+def farm(session: Session, /, folder: Path) -> None:
+    """Make FOLDER/dask.pem, by which scheduler, workers and clients of a farm know each other, or replace it.
+
+    Whoever has dask.key may run programs on every worker. FOLDER gets an authority of its own, since any certificate of
+    that authority opens the farm.
+    """
+    if (folder / "server.pem").exists():
+        raise click.UsageError(f"{folder} is a server's: clients with its certificates could run programs on the farm")
+    if not (folder / "ca.pem").exists():
+        _report(session, "authority", make_authority(folder))
+    _report(session, "farm", issue_farm(folder))
 
 
 def _report(session: Session, kind: str, files: CertificateFiles) -> None:

@@ -50,19 +50,27 @@ def issue_server(folder: Path, hosts: Sequence[str]) -> CertificateFiles:
     if not hosts:
         raise InvalidArgumentError("a server's certificate needs the names that clients know it by")
     alternatives = x509.SubjectAlternativeName([_general_name(host) for host in hosts])
-    return _issue(folder, "server", hosts[0], ExtendedKeyUsageOID.SERVER_AUTH, alternatives, replace=True)
+    return _issue(folder, "server", hosts[0], [ExtendedKeyUsageOID.SERVER_AUTH], alternatives, replace=True)
 
 
 def issue_client(folder: Path, tenant: str) -> CertificateFiles:
     """Makes {tenant}.pem and {tenant}.key: whoever has them may render and upload as this tenant, without a token."""
-    return _issue(folder, tenant, tenant, ExtendedKeyUsageOID.CLIENT_AUTH, None, replace=False)
+    return _issue(folder, tenant, tenant, [ExtendedKeyUsageOID.CLIENT_AUTH], None, replace=False)
+
+
+def issue_farm(folder: Path) -> CertificateFiles:
+    """Makes dask.pem and dask.key, or replaces them: for Dask's scheduler, workers and clients, each of which calls and
+    is called. Whoever has them may run programs on every worker.
+    """
+    both = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
+    return _issue(folder, "dask", "Fogbank farm", both, None, replace=True)
 
 
 def _issue(
     folder: Path,
     file_name: str,
     common_name: str,
-    usage: x509.ObjectIdentifier,
+    usages: Sequence[x509.ObjectIdentifier],
     alternatives: x509.SubjectAlternativeName | None,
     *,
     replace: bool,
@@ -77,7 +85,7 @@ def _issue(
         _builder(name, authority.subject, key.public_key(), CERTIFICATE_DAYS)
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .add_extension(_key_usage(signs_certificates=False), critical=True)
-        .add_extension(x509.ExtendedKeyUsage([usage]), critical=False)
+        .add_extension(x509.ExtendedKeyUsage(usages), critical=False)
     )
     if alternatives is not None:
         builder = builder.add_extension(alternatives, critical=False)
