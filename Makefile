@@ -9,10 +9,10 @@ python := .venv/bin/python
 export FOGBANK_SERVER_BINARY := $(CURDIR)/$(build_folder)/bin/fogbankd
 
 .DEFAULT_GOAL := help
-.PHONY: help setup stubs build demo test test-faults test-farm fuzz install bench evidence watch stability soak format lint lock clean
+.PHONY: help setup stubs build demo test test-faults test-farm test-deploy test-accuracy fuzz install bench evidence watch stability soak format lint lock clean
 
 help: ## this list
-	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{ printf "make %-11s %s\n", $$1, $$2 }'
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{ printf "make %-13s %s\n", $$1, $$2 }'
 
 setup: ## Debian packages and .venv, where anything is missing
 	@deploy/setup.sh
@@ -41,6 +41,12 @@ fuzz: setup ## fuzz targets for FUZZ_SECONDS (600) each: scenes, meshes, headers
 	@cmake --preset fuzz >/dev/null
 	@cmake --build --preset fuzz --parallel $(JOBS)
 	@$(python) tests/fuzz/run.py --seconds $(or $(FUZZ_SECONDS),600) --jobs $(JOBS)
+
+test-deploy: build ## deploy/ in earnest: the Dockerfile's steps in a Debian of their own, a job in Slurm; minutes, as root
+	@$(python) -m pytest tests/deploy -m deployment --capture=no
+
+test-accuracy: build ## pictures by the radiance cache with an error of 0.02, and of the shared rooms; many minutes
+	@$(python) -m pytest tests/oracle -m accuracy --capture=no
 
 install: build ## link the fogbank command into PREFIX/bin (default /usr/local)
 	@mkdir -p $(DESTDIR)$(PREFIX)/bin
