@@ -33,6 +33,13 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[fogbank.Servic
         yield connection
 
 
+@pytest.fixture
+def own_service(tmp_path: Path) -> Iterator[fogbank.Service]:
+    """An embedded server for one test, which begins with empty caches."""
+    with fogbank.connect(data=tmp_path / "data") as connection:
+        yield connection
+
+
 @pytest.fixture(scope="session")
 def evidence() -> Path:
     """Where pictures of failures go; ignored by git."""
