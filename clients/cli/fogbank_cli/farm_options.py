@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import click
-from fogbank.farm_extra import require_extra
+from fogbank.farm_extra import require_extra, require_package
 
 from fogbank_cli.parameter_types import SizeInBytesType
 
@@ -75,8 +75,10 @@ class ClusterChoice:
             if self.local is not None:
                 return farm.local_cluster(self.local, threads=self.worker_threads or 1, memory_bytes=self.worker_memory)
             if self.slurm is not None:
+                require_package("dask_jobqueue", "pip install dask-jobqueue")
                 return farm.slurm_cluster(self.slurm, self.workers)
             if self.kubernetes is not None:
+                require_package("dask_kubernetes", "pip install dask-kubernetes")
                 return farm.kubernetes_cluster(self.kubernetes, self.workers)
         except ModuleNotFoundError as error:
             raise click.UsageError(str(error)) from None

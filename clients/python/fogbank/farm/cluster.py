@@ -12,7 +12,6 @@ import dask
 from distributed import Client, LocalCluster, Security
 
 from fogbank.errors import InvalidArgumentError
-from fogbank.farm_extra import require_package
 from fogbank.paths import cache_folder
 
 # Of a scheduler that is just being started.
@@ -113,7 +112,6 @@ def slurm_cluster(file: Path, workers: int) -> Iterator[Client]:
 
     Raises ModuleNotFoundError without dask-jobqueue, InvalidArgumentError for a file that is no mapping.
     """
-    require_package("dask_jobqueue", "pip install dask-jobqueue")
     from dask_jobqueue import SLURMCluster
 
     with SLURMCluster(**_arguments(file)) as cluster:
@@ -132,7 +130,6 @@ def kubernetes_cluster(file: Path, workers: int) -> Iterator[Client]:
 
     Raises ModuleNotFoundError without dask-kubernetes, InvalidArgumentError for a file that is no mapping.
     """
-    require_package("dask_kubernetes", "pip install dask-kubernetes")
     from dask_kubernetes.operator import KubeCluster
 
     arguments = _arguments(file)

@@ -9,8 +9,9 @@ from fogbank.farm.parcels import TaskKind
 # A batch this long keeps what Dask spends on it (some 10 ms) below 2 %, and ends soon enough to balance a stage.
 BATCH_SECONDS = 0.6
 
-# With very many workers batches get longer, so that the coordinator handles no more than this a second.
-MOST_BATCHES_PER_SECOND = 60.0
+# CPU seconds that coordinator and scheduler spend on a batch, whatever is in it (tests/bench/farm_scaling.py measures
+# them): they handle one after the other, however many workers there are.
+HANDLING_SECONDS = 0.01
 
 # Weight of the newest measurement.
 _LEARNING = 0.3
@@ -46,8 +47,9 @@ class Costs:
         known = self._mean.get(kind)
         if known is None:
             return 1
-        target = max(BATCH_SECONDS, slots / MOST_BATCHES_PER_SECOND)
-        by_time = target / max(known, 1e-6)
+        known = max(known, 1e-6)
         # Guided self-scheduling: batches shrink towards the end of a stage, so that no worker is left with the rest.
         by_rest = math.ceil(left / (2 * max(slots, 1)))
-        return max(1, min(int(by_time), by_rest))
+        # n batches of work of T seconds end after T / n + n h, h to handle one; the least is at n = sqrt(T / h).
+        by_handling = math.sqrt(left * HANDLING_SECONDS / known)
+        return max(1, int(by_handling), min(int(BATCH_SECONDS / known), by_rest))
