@@ -123,20 +123,19 @@ def _stage(stage: StageCosts, workers: int, network: Network, costs: Costs, begi
     return max(last, coordinator) + network.latency, used
 
 
-def finer(stages: Sequence[StageCosts], tasks: float, passes: int) -> list[StageCosts]:
-    """A larger job of the same kind: so many times the tasks of every stage, and passes of tiles repeated."""
-    larger = []
-    for stage in stages:
-        one = StageCosts(
+def larger(stages: Sequence[StageCosts], tasks: float, weight: float) -> list[StageCosts]:
+    """A larger job of the same kind: so many times the tasks of every stage, each of so many times the work."""
+    return [
+        StageCosts(
             stage.kind,
             max(1, round(stage.tasks * tasks)),
-            stage.task_seconds,
+            stage.task_seconds * weight,
             stage.input_bytes,
             stage.result_bytes,
             stage.log_bytes * tasks,
         )
-        larger += [one] * (passes if stage.kind == "tile" else 1)
-    return larger
+        for stage in stages
+    ]
 
 
 def measure(scene: Path, options: dict[str, Any]) -> dict[str, Any]:
@@ -207,15 +206,15 @@ def plot(measured: dict[str, Any], path: Path) -> list[str]:
     figure, (speed, share) = pyplot.subplots(1, 2, figsize=(11, 4.2))
     lines = ["| job | CPU | workers | wall | speed-up | in rounds of records | coordinator busy |"]
     lines.append("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")
-    for factor, passes in ((1, 1), (16, 8), (64, 32)):
-        job = finer(stages, factor, passes)
+    for factor, weight in ((1, 1), (16, 16), (64, 256)):
+        job = larger(stages, factor, weight)
         cpu = sum(stage.tasks * stage.task_seconds for stage in job)
         runs = [simulate(job, workers, network) for workers in WORKERS]
         name = f"{cpu / 3600:.2g} h" if cpu > 3600 else f"{cpu:.2g} s"
         speed.plot(WORKERS, [runs[0].seconds / run.seconds for run in runs], marker="o", label=f"{name} of CPU time")
         share.plot(WORKERS, [100 * run.fill_seconds / run.seconds for run in runs], marker="o", label=name)
         lines += [
-            f"| measured x {factor}, {passes} x passes | {name} | {workers} | {run.seconds:.3g} s"
+            f"| {factor} x the tasks, {weight} x as long | {name} | {workers} | {run.seconds:.3g} s"
             f" | {runs[0].seconds / run.seconds:.3g} | {100 * run.fill_seconds / run.seconds:.0f} %"
             f" | {100 * run.coordinator_share:.0f} % |"
             for workers, run in zip(WORKERS, runs, strict=True)
