@@ -18,7 +18,8 @@ from fogbank.farm.plugin import FarmPlugin
 from fogbank.farm.published import Publisher
 from fogbank.farm.scene_parcel import SceneParcel
 from fogbank.farm.statistics import FarmStatistics
-from fogbank.job import Job, Priority
+from fogbank.job import Job
+from fogbank.job_report import Priority
 from fogbank.scene import Scene
 from fogbank.settings import RenderOptions
 
