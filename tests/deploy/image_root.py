@@ -24,9 +24,8 @@ AUTHORITIES = "/authorities.pem"
 def bootstrap(folder: Path) -> None:
     """A minimal Debian 12, from where this machine has its packages, with their security fixes."""
     listed = run("apt-get", "indextargets", "--format", "$(SITE)", "Created-By: Packages", "Codename: bookworm").stdout
-    site = listed.split()[0] if listed.split() else "http://deb.debian.org/debian"
     made = subprocess.run(
-        ["debootstrap", "--variant=minbase", "bookworm", str(folder), site],
+        ["debootstrap", "--variant=minbase", "bookworm", str(folder), *listed.split()[:1]],
         capture_output=True, text=True, timeout=PATIENCE_SECONDS, check=False,
     )  # fmt: skip
     assert made.returncode == 0, made.stdout + made.stderr
