@@ -118,23 +118,25 @@ float Index::normalised_square(uint32_t place, const Vec3f& offset, const Vec3f&
 }
 
 Spectrum Index::extrapolated_by(uint32_t place, const Vec3f& offset) const {
+  const Quantity quantity = range_->component.quantity;
   Spectrum value(0);
   Spectrum centre(0);
   float total = 0;
   for (size_t record = range_->first_record + range_->begin(place);
        record < range_->first_record + range_->end(place); ++record) {
     const auto samples = static_cast<float>(set_->samples(record));
-    total += samples;
     const Shading& shading = set_->shading()[record];
+    const Spectrum change = shading.derivatives[0] * offset.x + shading.derivatives[1] * offset.y +
+                            shading.derivatives[2] * offset.z;
+    Spectrum one = shading.radiance + change;
+    if (is_unaware(quantity))
+      for (int channel = 0; channel < 3; ++channel)
+        one[channel] = extrapolated(quantity, shading.radiance[channel], change[channel]);
+    total += samples;
     centre += samples * shading.radiance;
-    for (int channel = 0; channel < 3; ++channel) {
-      const Vec3f gradient(shading.derivatives[0][channel], shading.derivatives[1][channel],
-                           shading.derivatives[2][channel]);
-      value[channel] += samples * extrapolated(range_->component.quantity, shading.radiance[channel],
-                                               glm::dot(gradient, offset));
-    }
+    value += samples * one;
   }
-  return glm::min(value / total, ceiling(centre / total));
+  return glm::clamp(value / total, Spectrum(0), ceiling(centre / total));
 }
 
 void Index::add_on_surface(const Vec3f& point, const Vec3f& normal, uint32_t place, Interpolation& result,

@@ -60,6 +60,8 @@ class Index {
   /// only. `normal`: 0 in a medium.
   void recover_visible(const Vec3f& point, const Vec3f& normal, const VisibilityTest& visibility,
                        Interpolation& found) const;
+  /// What the records of a place say at `offset` from it, as look-ups count them.
+  Spectrum extrapolated_by(uint32_t place, const Vec3f& offset) const;
   /// Harmonic mean of the semi-axes of the extent of `place`, on a surface of those along it; 0 where it
   /// holds nothing.
   float radius(uint32_t place) const;
@@ -83,8 +85,6 @@ class Index {
   Vec3f position(uint32_t place) const;
   /// Squared distance in extents of a point at `offset`; 1 is the border. `normal`: 0 in a medium.
   float normalised_square(uint32_t place, const Vec3f& offset, const Vec3f& normal) const;
-  /// What the records of a place say at `offset`, within their limits.
-  Spectrum extrapolated_by(uint32_t place, const Vec3f& offset) const;
   /// Most that an extrapolation from `radiance` counts as.
   Spectrum ceiling(const Spectrum& radiance) const;
   /// Sum of reciprocals of the semi-axes, on a surface of those along it.

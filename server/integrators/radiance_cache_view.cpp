@@ -66,11 +66,7 @@ class ViewSums final : public LookUpObserver {
     for (const cache::Contribution& one : contributions) {
       const cache::Place place = epoch_.records().place(index.range(), one.place);
       const Vec3f offset = look_up.place.position - place.position;
-      Spectrum radiance;
-      for (int c = 0; c < 3; ++c)
-        radiance[c] = cache::extrapolated(place.quantity, place.radiance[c],
-                                          glm::dot(place.gradient[static_cast<size_t>(c)], offset));
-      const auto claim = static_cast<double>(luminance(radiance));
+      const auto claim = static_cast<double>(luminance(index.extrapolated_by(one.place, offset)));
       claims.push_back(claim);
       blend += claim * static_cast<double>(one.weight / look_up.found.weight);
       if (contributions.size() == 1)
