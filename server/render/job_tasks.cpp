@@ -1,21 +1,15 @@
 // The tasks of a job, as one thread runs them.
-#include <ctime>
 
 #include <utility>
 
 #include "core/error.h"
+#include "core/thread_time.h"
 #include "render/render_job_state.h"
 #include "render/tile_samples.h"
 
 namespace fogbank::render {
 
 namespace {
-
-double thread_cpu_seconds() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 std::chrono::steady_clock::duration clock_duration(double seconds) {
   return std::chrono::duration_cast<std::chrono::steady_clock::duration>(

@@ -1,10 +1,10 @@
 #include "render/replica.h"
 
 #include <chrono>
-#include <ctime>
 #include <utility>
 
 #include "core/error.h"
+#include "core/thread_time.h"
 #include "render/job_integrator.h"
 #include "render/tile_samples.h"
 #include "scene/intersector.h"
@@ -18,12 +18,6 @@ using SteadyClock = std::chrono::steady_clock;
 
 /// So long a thread that waits for others doesn't look whether its own task is still wanted.
 constexpr std::chrono::milliseconds patience{20};
-
-double thread_cpu_seconds() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 [[noreturn]] void refuse_log(const std::string& why) {
   throw Error(ErrorKind::invalid_argument, "INVALID_LOG", "the log can't be replayed: " + why);

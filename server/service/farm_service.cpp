@@ -7,6 +7,7 @@
 #include "service/build_id.h"
 #include "service/complete_stream.h"
 #include "service/lease_call.h"
+#include "service/leased_messages.h"
 #include "service/limits.h"
 #include "service/names.h"
 #include "service/perform_stream.h"
@@ -28,11 +29,6 @@ void check_open(const v1::OpenReplicaRequest& request) {
   if (request.log().empty() || request.log().size() > most_log_name)
     throw RpcError(StatusCode::INVALID_ARGUMENT, "INVALID_REPLICA", "log: must be a log's id",
                    {{"field", "log"}});
-}
-
-/// With what a client needs to know to go on.
-RpcError behind(const RpcError& error, uint64_t length) {
-  return {error.code(), error.reason(), error.what(), {{"log_length", std::to_string(length)}}};
 }
 
 /// Replays entries on a render thread: with the rounds of a preparation indices are built. Lives until gRPC
@@ -76,9 +72,9 @@ class AdvanceCall final : public grpc::ServerUnaryReactor,
       replay();
     } catch (...) {
       const RpcError error = to_rpc_error(std::current_exception());
-      const bool is_behind = error.reason() == "REPLICA_BEHIND";
-      status = to_grpc_status(is_behind ? behind(error, replica_->replica.log_length()) : error);
-      if (!is_behind) tenant_->replicas.close(replica_->id);
+      status = to_grpc_status(with_log_length(error, replica_->replica.log_length()));
+      // Whatever else is wrong, it can't follow the job any more.
+      if (error.reason() != "REPLICA_BEHIND") tenant_->replicas.close(replica_->id);
     }
     response_.set_log_length(replica_->replica.log_length());
     replica_ = nullptr;

@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "service/limits.h"
-#include "service/rpc_error.h"
 
 namespace fogbank::service {
 
@@ -64,6 +63,11 @@ void set_part(v1::TaskResultPart& part, const render::LeasedTask& task, const re
   part.set_cpu_seconds(result.cpu_seconds);
   part.set_rays(result.rays);
   part.set_invalid_samples(result.invalid_samples);
+}
+
+RpcError with_log_length(const RpcError& error, uint64_t length) {
+  if (error.reason() != "REPLICA_BEHIND") return error;
+  return {error.code(), error.reason(), error.what(), {{"log_length", std::to_string(length)}}};
 }
 
 }  // namespace fogbank::service

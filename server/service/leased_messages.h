@@ -3,6 +3,7 @@
 
 #include "fogbank/v1/farm.pb.h"
 #include "render/leased_task.h"
+#include "service/rpc_error.h"
 
 namespace fogbank::service {
 
@@ -14,5 +15,9 @@ render::TaskResult to_result(const v1::TaskResultPart& last_part, std::string by
 /// The next part of a result, from `offset` on.
 void set_part(v1::TaskResultPart& part, const render::LeasedTask& task, const render::TaskResult& result,
               size_t offset);
+
+/// What the engine says of a replica that lacks entries of the log, with what a client needs to go on; other
+/// errors as they are.
+RpcError with_log_length(const RpcError& error, uint64_t length);
 
 }  // namespace fogbank::service

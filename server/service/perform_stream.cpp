@@ -137,7 +137,8 @@ class PerformStream final : public grpc::ServerWriteReactor<v1::PerformTasksResp
     } catch (const Interrupted&) {
       // Nobody waits for it.
     } catch (...) {
-      failure = status_of(std::current_exception());
+      failure = to_grpc_status(
+          with_log_length(to_rpc_error(std::current_exception()), replica_->replica.log_length()));
     }
     leave_news([&] {
       --running_;

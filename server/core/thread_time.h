@@ -1,0 +1,15 @@
+// CPU time of threads.
+#pragma once
+
+#include <ctime>
+
+namespace fogbank {
+
+/// CPU seconds that the calling thread has had.
+inline double thread_cpu_seconds() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+}  // namespace fogbank
