@@ -119,10 +119,10 @@ void log_confinement(ReaderHost& readers) {
       spdlog::info("scene files are read in processes confined by seccomp, Landlock and limits");
     } else {
       spdlog::warn(
-          "scene files are read in processes with less confinement than there might be: {}seccomp, "
-          "{}Landlock, "
-          "limits",
-          found.system_calls != 0 ? "" : "no ", found.files != 0 ? "" : "no ");
+          "scene files are read in processes that are less confined than they might be: there is no {}here",
+          found.system_calls != 0 ? "Landlock "
+          : found.files != 0      ? "seccomp "
+                                  : "seccomp and no Landlock ");
     }
   } catch (const std::exception& error) {
     spdlog::error("no scene can be loaded: {}", error.what());

@@ -10,36 +10,32 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstdio>
-#include <memory>
+#include <fstream>
 
 namespace fogbank::service {
 namespace {
 
 /// Bytes of address space that the process has: libraries, mostly.
 uint64_t address_space() {
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen("/proc/self/statm", "re"),
-                                                             &std::fclose);
-  unsigned long pages = 0;
-  if (!file || std::fscanf(file.get(), "%lu", &pages) != 1) return 0;
-  return uint64_t{pages} * static_cast<uint64_t>(::sysconf(_SC_PAGESIZE));
+  uint64_t pages = 0;
+  std::ifstream("/proc/self/statm") >> pages;
+  return pages * static_cast<uint64_t>(::sysconf(_SC_PAGESIZE));
 }
 
-void limit(__rlimit_resource resource, rlim_t value) {
-  const rlimit both{.rlim_cur = value, .rlim_max = value};
+void limit(__rlimit_resource resource, rlim_t soft, rlim_t hard) {
+  const rlimit both{.rlim_cur = soft, .rlim_max = hard};
   ::setrlimit(resource, &both);
 }
+void limit(__rlimit_resource resource, rlim_t value) { limit(resource, value, value); }
 
 void limit_resources() {
   // The first to go when the machine, or the container, runs out of memory.
-  if (const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen("/proc/self/oom_score_adj", "we"),
-                                                                 &std::fclose);
-      file)
-    std::fputs("1000", file.get());
+  std::ofstream("/proc/self/oom_score_adj") << 1000;
 #ifndef __SANITIZE_ADDRESS__  // whose shadow takes terabytes of addresses
   limit(RLIMIT_AS, address_space() + ReaderLimits::memory_bytes);
 #endif
-  limit(RLIMIT_CPU, ReaderLimits::cpu_seconds);
+  // At the soft limit the kernel says why it ends the process.
+  limit(RLIMIT_CPU, ReaderLimits::cpu_seconds, ReaderLimits::cpu_seconds + 10);
   limit(RLIMIT_FSIZE, 0);
   limit(RLIMIT_CORE, 0);
   limit(RLIMIT_NOFILE, 16);
@@ -127,7 +123,7 @@ bool add_rules(scmp_filter_ctx filter) {
     return false;
   // abort() signals its own thread.
   return seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(tgkill), 1,
-                          SCMP_A0(SCMP_CMP_EQ, static_cast<scmp_datum_t>(::getpid()))) == 0;
+                          SCMP_A0(SCMP_CMP_EQ, static_cast<scmp_datum_t>(::getpid()), 0)) == 0;
 }
 
 bool filter_system_calls() {

@@ -8,7 +8,9 @@ namespace fogbank::service {
 struct ReaderLimits {
   /// Above what the program itself takes: address space, since that is what an allocation can be refused by.
   static constexpr uint64_t memory_bytes = uint64_t{12} << 30;
-  static constexpr uint64_t cpu_seconds = 600;
+  static constexpr uint64_t cpu_seconds = 300;
+  /// Without a byte of an answer.
+  static constexpr int64_t silence_seconds = 600;
 };
 
 /// Which layers are in force. Limits of resources always are.

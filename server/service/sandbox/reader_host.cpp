@@ -53,10 +53,9 @@ void reset_signals() {
   ::prctl(PR_SET_NAME, "scene-reader");
   keep_only(data.get());
   reset_signals();
-  // Not destroyed, since the descriptor is not its own any more.
-  const auto* const socket = new Socket(FileDescriptor(first_descriptor));
-  socket->send_value(confine_this_process());
-  work(*socket);
+  const Socket socket{FileDescriptor(first_descriptor)};
+  socket.send_value(confine_this_process());
+  work(socket);
   ::_exit(0);
 }
 
@@ -155,7 +154,7 @@ std::optional<int> ReaderProcess::wait_status() const {
   }
 }
 
-ReaderHost::ReaderHost(Work work) {
+ReaderHost::ReaderHost(const Work& work) {
   auto [ours, theirs] = Socket::make_pair();
   const pid_t host = ::fork();
   if (host < 0) no_reader("fork failed");

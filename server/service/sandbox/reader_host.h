@@ -31,7 +31,7 @@ class ReaderHost {
   using Work = std::function<void(const Socket&)>;
 
   /// Forks the host, whose readers do `work`. To be called before the process has a second thread.
-  explicit ReaderHost(Work work);
+  explicit ReaderHost(const Work& work);
   /// Ends the host and all readers.
   ~ReaderHost();
   ReaderHost(const ReaderHost&) = delete;

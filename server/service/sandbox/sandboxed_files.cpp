@@ -62,7 +62,9 @@ std::string hash_of(const FileDescriptor& file) {
 /// The reading process, and what is known of the files that it was given.
 class SandboxedFiles::Session {
  public:
-  Session(ReaderHost& host, const scene::StoredFiles& files) : files_(files), reader_(host.start_reader()) {}
+  Session(ReaderHost& host, const scene::StoredFiles& files) : files_(files), reader_(host.start_reader()) {
+    reader_.data.set_patience(ReaderLimits::silence_seconds);
+  }
 
   /// Sends a request and hands the answer's header to `read`, which takes the rest from the socket.
   template <typename Read>
@@ -85,6 +87,8 @@ class SandboxedFiles::Session {
       }
     } catch (const SocketClosed&) {
       died();
+    } catch (const SocketSilent&) {
+      too_long();
     } catch (const BadMessage& error) {
       fail(ErrorKind::invalid_argument, "SCENE_READER_CRASHED",
            std::string("reading it led to nonsense: ") + error.what());
@@ -168,14 +172,18 @@ class SandboxedFiles::Session {
     }
   }
 
+  [[noreturn]] void too_long() const {
+    fail(ErrorKind::resource_exhausted, "FILE_TAKES_TOO_LONG",
+         "file " + scene::quote(path_) + " takes too long: reading a scene may take " +
+             std::to_string(ReaderLimits::cpu_seconds) + " s of processor time");
+  }
+
   [[noreturn]] void died() {
     const std::optional<int> status = reader_.wait_status();
     const std::string file = "file " + scene::quote(path_);
     if (status && WIFSIGNALED(*status)) {
       const int signal = WTERMSIG(*status);
-      if (signal == SIGXCPU)
-        fail(ErrorKind::resource_exhausted, "FILE_TAKES_TOO_LONG",
-             file + " takes more than " + std::to_string(ReaderLimits::cpu_seconds) + " s to read");
+      if (signal == SIGXCPU) too_long();
       if (signal != SIGKILL)
         fail(ErrorKind::invalid_argument, "SCENE_READER_CRASHED",
              "reading " + file + " crashed the process that does it (" + ::strsignal(signal) + ")");

@@ -26,11 +26,18 @@ std::pair<Socket, Socket> Socket::make_pair() {
   return {Socket(FileDescriptor(ends[0])), Socket(FileDescriptor(ends[1]))};
 }
 
+void Socket::set_patience(int64_t seconds) const {
+  const timeval patience{.tv_sec = seconds, .tv_usec = 0};
+  ::setsockopt(descriptor_.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+  ::setsockopt(descriptor_.get(), SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience);
+}
+
 void Socket::send(const void* bytes, size_t size) const {
   const auto* at = static_cast<const char*>(bytes);
   while (size > 0) {
     const ssize_t sent = ::send(descriptor_.get(), at, size, MSG_NOSIGNAL);
     if (sent < 0 && errno == EINTR) continue;
+    if (sent < 0 && errno == EAGAIN) throw SocketSilent();
     if (sent <= 0) throw SocketClosed();
     at += sent;
     size -= static_cast<size_t>(sent);
@@ -42,6 +49,7 @@ void Socket::receive(void* bytes, size_t size) const {
   while (size > 0) {
     const ssize_t received = ::recv(descriptor_.get(), at, size, 0);
     if (received < 0 && errno == EINTR) continue;
+    if (received < 0 && errno == EAGAIN) throw SocketSilent();
     if (received <= 0) throw SocketClosed();
     at += received;
     size -= static_cast<size_t>(received);

@@ -19,7 +19,13 @@ class SocketClosed : public std::runtime_error {
   SocketClosed() : std::runtime_error("the other process has ended") {}
 };
 
-/// One end. Blocks; throws SocketClosed.
+/// The other end has said nothing for longer than `set_patience`.
+class SocketSilent : public std::runtime_error {
+ public:
+  SocketSilent() : std::runtime_error("the other process says nothing") {}
+};
+
+/// One end. Blocks; throws SocketClosed, SocketSilent.
 class Socket {
  public:
   Socket() = default;
@@ -42,6 +48,8 @@ class Socket {
   }
   void send_file(int descriptor) const;
   FileDescriptor receive_file() const;
+
+  void set_patience(int64_t seconds) const;
 
   int get() const { return descriptor_.get(); }
   bool valid() const { return descriptor_.valid(); }

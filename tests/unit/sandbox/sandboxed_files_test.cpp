@@ -129,6 +129,7 @@ TEST(ReaderHost, ACrashIsOneErrorThatNamesTheFile) {
   const Thrown thrown = thrown_when_parsing(misbehaving([] { std::abort(); }));
   EXPECT_EQ(thrown.reason, "SCENE_READER_CRASHED");
   EXPECT_NE(thrown.message.find("'scene.xml'"), std::string::npos) << thrown.message;
+  EXPECT_EQ(thrown_when_parsing(misbehaving([] { std::raise(SIGXCPU); })).reason, "FILE_TAKES_TOO_LONG");
   // As the kernel does when memory runs out.
   EXPECT_EQ(thrown_when_parsing(misbehaving([] { std::raise(SIGKILL); })).reason,
             "FILE_TAKES_TOO_MUCH_MEMORY");
