@@ -9,7 +9,7 @@ import os
 import random
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import grpc
 import pytest
@@ -62,9 +62,9 @@ class Mutator:
         """Sets fields of a message."""
         for field in message.DESCRIPTOR.fields:
             if self._dice.random() < (0.35 if depth else 0.6):
-                self._set(message, field, depth)
+                self._set(message, cast(FieldDescriptor, field), depth)
 
-    def _set(self, message: Message, field: Any, depth: int) -> None:
+    def _set(self, message: Message, field: FieldDescriptor, depth: int) -> None:
         if field.message_type is not None and field.message_type.GetOptions().map_entry:
             entries: Any = getattr(message, field.name)
             entries[self._dice.choice(self._texts)] = self._dice.choice(self._texts)
@@ -83,7 +83,7 @@ class Mutator:
         else:
             setattr(message, field.name, self._value(field))
 
-    def _value(self, field: Any) -> object:
+    def _value(self, field: FieldDescriptor) -> object:
         kind = field.type
         if kind == FieldDescriptor.TYPE_STRING:
             return self._dice.choice(self._texts)
@@ -92,6 +92,7 @@ class Mutator:
         if kind == FieldDescriptor.TYPE_BOOL:
             return self._dice.random() < 0.5
         if kind == FieldDescriptor.TYPE_ENUM:
+            assert field.enum_type is not None
             return self._dice.choice((*field.enum_type.values_by_number, 99))
         if kind in (FieldDescriptor.TYPE_DOUBLE, FieldDescriptor.TYPE_FLOAT):
             return self._dice.choice(NUMBERS)
