@@ -30,7 +30,7 @@ using scene::test::thrown_by;
 
 /// What a shape's file does to a reading process that answers everything else as it should.
 template <typename Misdeed>
-ReaderHost::Work misbehaving(Misdeed misdeed) {
+ReaderHost::Work misbehaving(const Misdeed& misdeed) {
   return [misdeed](const Socket&) {
     misdeed();
     ::_exit(0);
