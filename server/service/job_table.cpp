@@ -100,13 +100,15 @@ void JobTable::create(const v1::CreateJobRequest& request, std::optional<TraceCo
   creation.waiting.push_back(std::move(done));
   creating_.emplace(request.request_id(), std::move(creation));
   lock.unlock();
+  const auto finish = [this, request, client = std::move(client)](
+                          const std::shared_ptr<const transport::World>& world, double load_seconds,
+                          std::exception_ptr error) {
+    finish_creation(request, client, world, load_seconds, std::move(error));
+  };
   try {
-    scenes_.acquire(scene_id, [this, request, client](const std::shared_ptr<const transport::World>& world,
-                                                      double load_seconds, std::exception_ptr error) {
-      finish_creation(request, client, world, load_seconds, std::move(error));
-    });
+    scenes_.acquire(scene_id, finish);
   } catch (...) {
-    finish_creation(request, client, nullptr, 0, std::current_exception());
+    finish(nullptr, 0, std::current_exception());
   }
 }
 

@@ -192,14 +192,17 @@ void SceneRegistry::run_loading(const std::string& key, const std::string& expec
           "the files of " + scene_name(expected_id) + " have changed since it was created; create it again",
           {{"name", scene_name(expected_id)}});
     }
-    // Durable before it is acknowledged; scene.json comes last, as it makes the folder valid.
-    const fs::path folder = settings_.folder / loaded.id;
-    create_folder_durably(folder);
-    FOGBANK_FAILPOINT("scene.before_request");
-    write_message(folder / "request.json", source);
-    FOGBANK_FAILPOINT("scene.before_description");
-    write_message(folder / "scene.json", loaded.description);
-    FOGBANK_FAILPOINT("scene.after_description");
+    // Durable before it is acknowledged; scene.json comes last, as it makes the folder valid. A scene that is
+    // loaded again has it all.
+    if (expected_id.empty()) {
+      const fs::path folder = settings_.folder / loaded.id;
+      create_folder_durably(folder);
+      FOGBANK_FAILPOINT("scene.before_request");
+      write_message(folder / "request.json", source);
+      FOGBANK_FAILPOINT("scene.before_description");
+      write_message(folder / "scene.json", loaded.description);
+      FOGBANK_FAILPOINT("scene.after_description");
+    }
     spdlog::info("loaded {} ({}) in {:.3f} s: {} triangles", loaded.description.name(),
                  loaded.description.main_path(), loaded.description.load_times().total_seconds(),
                  loaded.description.statistics().triangles());

@@ -159,7 +159,16 @@ class Client:
         while (job := self.server.job(name)).progress.passes_done < 2 and job.state != render.JOB_STATE_FAILED:
             time.sleep(0.02)
 
-    def check(self, server: Server) -> None:
+    def check_picture(self, server: Server, name: str, settings: render.RenderSettings, errors: bool) -> None:
+        """A job ends with the right picture or, where errors were made, with such an error."""
+        job = server.watch(name)
+        if errors and job.state == render.JOB_STATE_FAILED:
+            assert job_error(False, job.error).reason == "DISK_FULL"
+            return
+        assert job.state == render.JOB_STATE_SUCCEEDED, job.error
+        assert np.array_equal(server.image(name), self.base.pictures[settings.seed])
+
+    def check(self, server: Server, *, errors: bool) -> None:
         """Holds a server, of the same data, to what was acknowledged."""
         for name, request in self.jobs.items():
             assert server.render.CreateJob(request).job.name == name
@@ -167,12 +176,9 @@ class Client:
                 assert server.watch(name).state == render.JOB_STATE_CANCELLED
             elif request.settings == ENDLESS:
                 server.render.CancelJob(render.CancelJobRequest(name=name))
-            elif request.settings == PICTURE and not self.refused:
-                server.finish(name)
-                assert np.array_equal(server.image(name), self.base.pictures[PICTURE.seed])
-        job = server.watch(self.base.long)
-        if not self.refused:
-            assert np.array_equal(server.image(job.name), self.base.pictures[LONG.seed])
+            elif request.settings == PICTURE:
+                self.check_picture(server, name, PICTURE, errors)
+        self.check_picture(server, self.base.long, LONG, errors)
         for digest in self.blobs:
             assert server.scenes.QueryBlob(scene.QueryBlobRequest(sha256=digest)).complete
         for name in self.gone_scenes:
@@ -200,7 +206,7 @@ def run(tmp_path: Path, base: Base, failpoints: str) -> tuple[Client, bool, str]
     log = (data / "log").read_text()
     again = Server(data, "--threads", "2")
     client = client or Client(again, base)
-    client.check(again)
+    client.check(again, errors="error" in failpoints)
     # And everything works again.
     after = Client(again, base)
     after.upload()
