@@ -141,8 +141,8 @@ void use_stores(const fs::path& folder, Acknowledged& acknowledged) {
     const std::string removed = "jobs/3";
     const bool done = attempt([&] { jobs.remove({removed}); });
     acknowledged.jobs.erase(removed);
-    // A job whose put has failed at the last sync may yet be found in the log by the next life; to remove what this
-    // life doesn't have writes nothing.
+    // A job whose put has failed at the last sync may yet be found in the log by the next life; to remove
+    // what this life doesn't have writes nothing.
     if (done && !acknowledged.uncertain_jobs.contains(removed)) {
       acknowledged.removed_jobs.insert(removed);
     } else {
