@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <fstream>
+#include <string>
 
 #include "cache/temporary_folder.h"
 #include "core/files.h"
@@ -18,7 +19,7 @@ using cache::test::TemporaryFolder;
 
 int most_flips() {
   const char* const text = std::getenv("FOGBANK_BIT_FLIPS");
-  return text == nullptr ? 60 : std::atoi(text);
+  return text == nullptr ? 60 : std::stoi(text);
 }
 
 std::vector<fs::path> files_of(const fs::path& folder) {

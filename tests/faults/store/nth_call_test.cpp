@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <string>
 
 #include "cache/temporary_folder.h"
 #include "syscalls.h"
@@ -16,7 +17,7 @@ using cache::test::TemporaryFolder;
 /// `make test-faults` tries every call; else so many of each kind of fault, evenly spread.
 int64_t most_calls() {
   const char* const text = std::getenv("FOGBANK_FAULT_CALLS");
-  return text == nullptr ? 12 : std::atoll(text);
+  return text == nullptr ? 12 : std::stoll(text);
 }
 
 int64_t count_calls() {
