@@ -148,7 +148,7 @@ class RandomFarm {
 
   void perform_one() {
     const auto at = leased_.begin() + below(static_cast<uint32_t>(leased_.size()));
-    const LeasedTask task = *at;
+    const LeasedTask task = std::move(*at);
     leased_.erase(at);
     stages_ = std::max(stages_, task.stage);
     const std::optional<TaskResult> result = some_replica().perform(task, never);
@@ -294,7 +294,7 @@ TEST(LeasedJob, DamagedBytesAreRefused) {
   const auto world = thin_fog();
   RenderJob job(world, settings_of(*world, "radiance-cache"), Performers::replicas);
   Replica replica(world, job.settings());
-  std::mt19937 random(5);
+  std::mt19937 random(5);  // NOLINT(bugprone-random-generator-seed): the same damage every time
   const auto mutated = [&](std::string bytes) {
     if (random() % 4 == 0) bytes.resize(random() % bytes.size());
     if (random() % 4 == 0) bytes += static_cast<char>(random());
