@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "prepared_integrator.h"
 #include "render/film_camera.h"
+#include "render/progression.h"
 
 namespace fogbank::render {
 namespace {

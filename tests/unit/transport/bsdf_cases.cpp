@@ -3,6 +3,8 @@
 #include <fstream>
 #include <stdexcept>
 
+#include "scene/scene_file_reader.h"
+
 namespace fogbank::test {
 
 namespace {
@@ -80,7 +82,8 @@ scene::ObjectPointer describe_bsdf(const nlohmann::json& description) {
 }
 
 BsdfWorkshop::BsdfWorkshop(bool lenient)
-    : textures_(std::make_shared<TableFiles>()), builder_(textures_, lenient, warnings_) {}
+    : textures_(scene::read_in_process(std::make_shared<TableFiles>())),
+      builder_(textures_, lenient, warnings_) {}
 
 transport::BsdfPointer BsdfWorkshop::build(const nlohmann::json& description) {
   return builder_.build(describe_bsdf(description));
