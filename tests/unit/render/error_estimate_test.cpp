@@ -117,7 +117,8 @@ TEST(RelativeBias, FollowsItsFormula) {
   };
   const Camera camera;
   RayCounters counters;
-  for (uint32_t row = 0; row < survey.rows(); ++row) survey.look(row, integrator, camera, 0, counters);
+  for (uint32_t row = 0; row < survey.rows(); ++row)
+    survey.set_row(row, survey.look(row, integrator, camera, 0, counters));
 
   const TileGrid grid(settings.film.crop, 128);
   TileFilm film;
