@@ -11,6 +11,9 @@ namespace {
 
 /// Share of the metric's bound that is the error: bounds are for the worst direction at every look-up.
 constexpr double error_per_bound = 0.3;
+/// Neighbours err alike to some degree, so they disagree less than they err: from pictures of penumbra,
+/// shafts and the statues room with known errors (tests/oracle/test_radiance_cache.py).
+constexpr double error_per_disagreement = 1.5;
 
 class ViewSums final : public LookUpObserver {
  public:
@@ -45,7 +48,7 @@ class ViewSums final : public LookUpObserver {
             .record_density = static_cast<float>(records_ / weight_),
             .rejected = static_cast<float>(rejected_ / weight_),
             .variance = static_cast<float>(variance),
-            .bias = static_cast<float>(std::sqrt(square))};
+            .bias = static_cast<float>(error_per_disagreement * std::sqrt(square))};
   }
 
  private:
