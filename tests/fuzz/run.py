@@ -14,6 +14,7 @@ import os
 import re
 import subprocess
 import sys
+import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,17 +39,18 @@ class Outcome:
 def run(program: Path, extent: list[str], found: Path) -> Outcome:
     """Runs one target. New inputs that reach new code are kept beside what it finds, for the next run."""
     target = program.name
-    grown = found / "corpus" / target
-    grown.mkdir(parents=True, exist_ok=True)
     command = [str(program), *LIMITS, *extent, f"-artifact_prefix={found}/{target}-", "-print_final_stats=1"]
     dictionary = CORPUS.parent / f"{target}.dict"
     if dictionary.exists():
         command.append(f"-dict={dictionary}")
-    kept = [str(grown)] if "-seed=1" not in extent else []
-    start = time.monotonic()
-    process = subprocess.run(
-        [*command, *kept, str(CORPUS / target)], capture_output=True, text=True, errors="replace", check=False
-    )
+    with tempfile.TemporaryDirectory() as empty:
+        # The first folder is written to; with a fixed seed the run must not depend on the ones before.
+        grown = Path(empty) if "-seed=1" in extent else found / "corpus" / target
+        grown.mkdir(parents=True, exist_ok=True)
+        start = time.monotonic()
+        process = subprocess.run(
+            [*command, str(grown), str(CORPUS / target)], capture_output=True, text=True, errors="replace", check=False
+        )
     count = re.search(r"number_of_executed_units:\s*(\d+)", process.stderr)
     return Outcome(
         target,
