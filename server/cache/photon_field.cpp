@@ -233,10 +233,4 @@ std::string described(const PhotonField* photons) {
   return photons == nullptr ? "paths" : std::to_string(photons->paths()) + " photons";
 }
 
-size_t PhotonField::memory() const {
-  size_t bytes = 0;
-  for (const Grid& grid : grids_) bytes += grid.radiance.size() * (sizeof(Spectrum) + 1);
-  return bytes;
-}
-
 }  // namespace fogbank::cache

@@ -37,8 +37,6 @@ class PhotonField final : public transport::KnownRadiance {
   uint32_t paths() const { return paths_; }
   /// nullopt where cells around hold more than the medium.
   std::optional<Spectrum> scattered_before(const Vec3f& y, int32_t medium) const override;
-  /// Bytes of the finished field.
-  size_t memory() const;
 
  private:
   struct Grid {
