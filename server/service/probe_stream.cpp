@@ -103,7 +103,8 @@ class ProbeStream final : public ProbeReactor,
       if (failure_) return finish(*failure_);
       write = next_response();
       if (!write && half_closed && begun_ && points_in_flight() == 0) return finish(grpc::Status::OK);
-      read = !reading_ && !half_closed && wants_message();
+      // A message that came since `news` was taken lies in `request_` until the next step.
+      read = !reading_ && !half_closed_ && !news_.message && wants_message();
       reading_ = reading_ || read;
       writing_ = write;
       if (read || write) last_progress_ = Clock::now();
