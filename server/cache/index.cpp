@@ -11,6 +11,8 @@ namespace {
 
 constexpr float greatest_value = 1e30f;
 constexpr float greatest_growth = 3.0f;
+/// Rejected records that are asked again by a ray.
+constexpr uint32_t most_asked = 3;
 
 /// Elements where `condition` holds, 0 elsewhere.
 Float8 select(Int8 condition, Float8 values) {
@@ -158,45 +160,45 @@ void Index::add_on_surface(const Vec3f& point, const Vec3f& normal, uint32_t pla
   ++result.records;
 }
 
-void Index::recover_visible(const Vec3f& point, const Vec3f& normal, const VisibilityTest& visibility,
-                            Interpolation& found) const {
-  if (found.weight > 0 || found.rejected == 0) return;
-  constexpr size_t most_asked = 3;
-  struct Candidate {
-    float weight;
-    uint32_t place;
-  };
-  std::vector<Candidate> candidates;
+std::vector<Contribution> Index::recovered(const Vec3f& point, const Vec3f& normal,
+                                           const VisibilityTest& visibility) const {
+  std::vector<Contribution> candidates;
   tree_.search(set_->positions(*range_), PointBundle(std::span(&point, 1)),
                [&](const uint32_t* places, uint32_t count) {
                  for (uint32_t i = 0; i < count; ++i) {
                    const float square = normalised_square(places[i], point - position(places[i]), normal);
-                   if (square < 1) candidates.push_back({weight_at(square), places[i]});
+                   const float weight = square < 1 ? weight_at(square) : 0;
+                   if (weight > 0) candidates.push_back({places[i], weight, radius(places[i])});
                  }
                });
-  const size_t asked = std::min(candidates.size(), most_asked);
+  const size_t asked = std::min<size_t>(candidates.size(), most_asked);
   std::ranges::partial_sort(candidates, candidates.begin() + static_cast<std::ptrdiff_t>(asked),
-                            [](const Candidate& a, const Candidate& b) {
+                            [](const Contribution& a, const Contribution& b) {
                               return a.weight != b.weight ? a.weight > b.weight : a.place < b.place;
                             });
-  Interpolation result;
-  SurfaceSums sums;
-  for (const auto& [weight, place] : std::span(candidates).first(asked)) {
-    const Vec3f centre = position(place);
-    if (!(weight > 0) || !visibility.reaches(centre, set_->normal(*range_, place), point)) {
-      ++result.rejected;
-      continue;
-    }
-    sums.radiance += weight * extrapolated_by(place, point - centre);
-    sums.inverse_axes += weight * inverse_axes(place);
-    result.weight += weight;
-    ++result.records;
+  candidates.resize(asked);
+  std::erase_if(candidates, [&](const Contribution& one) {
+    return !visibility.reaches(position(one.place), set_->normal(*range_, one.place), point);
+  });
+  return candidates;
+}
+
+void Index::recover_visible(const Vec3f& point, const Vec3f& normal, const VisibilityTest& visibility,
+                            Interpolation& found) const {
+  if (found.weight > 0 || found.rejected == 0) return;
+  const std::vector<Contribution> seen = recovered(point, normal, visibility);
+  if (seen.empty()) return;
+  Spectrum radiance(0);
+  float inverse_radius = 0;
+  for (const Contribution& one : seen) {
+    radiance += one.weight * extrapolated_by(one.place, point - position(one.place));
+    inverse_radius += one.weight / one.radius;
+    found.weight += one.weight;
   }
-  if (result.weight > 0) {
-    result.radiance = sums.radiance / result.weight;
-    result.radius = (normal == Vec3f(0) ? 3.0f : 2.0f) * result.weight / sums.inverse_axes;
-  }
-  found = result;
+  found.radiance = radiance / found.weight;
+  found.radius = found.weight / inverse_radius;
+  found.records = static_cast<uint32_t>(seen.size());
+  found.rejected = std::min(found.rejected, most_asked) - found.records;
 }
 
 void Index::look_up_bundle(std::span<const Vec3f> points, Interpolation* results) const {

@@ -52,12 +52,15 @@ class Index {
   void look_up(std::span<const Vec3f> points, std::span<Interpolation> results) const;
 
   /// The places behind a look-up, with their weights: for showing and judging what it rests on. `normal`: 0
-  /// in a medium.
+  /// in a medium. Not those that `recover_visible` finds.
   std::vector<Contribution> contributions(const Vec3f& point, const Vec3f& normal) const;
+  /// The places behind what `recover_visible` makes of a look-up that has nothing but rejected records. Those
+  /// of the few greatest weights only are asked about.
+  std::vector<Contribution> recovered(const Vec3f& point, const Vec3f& normal,
+                                      const VisibilityTest& visibility) const;
   /// Where `found`, what a look-up says about `point`, is nothing but rejected records, it becomes what those
   /// of them say that `visibility` lets through after all: depth bins are coarse and round down, so that in
-  /// front of walls they reject most of what is in sight. Asks about the few records of the greatest weight
-  /// only. `normal`: 0 in a medium.
+  /// front of walls they reject most of what is in sight. `normal`: 0 in a medium.
   void recover_visible(const Vec3f& point, const Vec3f& normal, const VisibilityTest& visibility,
                        Interpolation& found) const;
   /// What the records of a place say at `offset` from it, as look-ups count them.

@@ -141,6 +141,11 @@ class Integrator {
   virtual ~Integrator() = default;
   /// One sample of the radiance that arrives along `ray`. Draws only from `random`.
   virtual PixelSample sample(const Ray& ray, RandomStream& random, RayCounters& counters) const = 0;
+  /// The same, of which nobody wants `PixelSample::cached`.
+  virtual PixelSample sample_without_cache(const Ray& ray, RandomStream& random,
+                                           RayCounters& counters) const {
+    return sample(ray, random, counters);
+  }
   /// What must be done before `sample` may be asked for a picture as good as `target`; null: nothing. Targets
   /// of one job get finer. `camera` and the integrator must outlive the answer.
   virtual std::unique_ptr<Preparation> prepare(const CameraRays& /*camera*/, const CacheTarget& /*target*/) {

@@ -17,7 +17,12 @@ struct LookUp {
   /// How far a record here may reach at most, going by those that were found along the same ray: no farther
   /// than theirs and the way to them (neighbour clamping). Infinite where there are none.
   float reach = infinity;
+  /// What recovered the records behind `found`, if the index alone has none; lives as long as the call.
+  const cache::VisibilityTest* visibility = nullptr;
 };
+
+/// The records behind `look_up.found`, of the index that was asked.
+std::vector<cache::Contribution> contributions_to(const LookUp& look_up, const cache::Index& index);
 
 class LookUpObserver {
  public:

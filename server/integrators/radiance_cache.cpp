@@ -73,7 +73,8 @@ struct RadianceCacheIntegrator::Walk {
   transport::LightReceiver last_receiver;
   int32_t last_light_samples = 1;  ///< that were taken there
   LookUpObserver* observer = nullptr;
-  bool straight = true;  ///< no random direction so far but of mirrors and glass
+  bool wants_cached = true;  ///< PixelSample::cached
+  bool straight = true;      ///< no random direction so far but of mirrors and glass
 };
 
 RadianceCacheIntegrator::RadianceCacheIntegrator(std::shared_ptr<const transport::World> world,
@@ -174,7 +175,8 @@ PixelSample RadianceCacheIntegrator::from_medium(const Walk& walk, const MediumS
   if (technique_.direct && is_cached(medium) && walk.straight)
     sum = from_cache(walk, segment, *technique_.direct, random, counters);
   else if (walk.observer == nullptr)
-    sum = single_scattering_.sample(segment, walk.medium, published_.epoch.get(), random, counters);
+    sum = single_scattering_.sample(segment, walk.medium, walk.wants_cached, published_.epoch.get(), random,
+                                    counters);
   else
     single_scattering_.observe(segment, walk.medium, published_.epoch.get(), walk.throughput, *walk.observer);
   // One scattering event more than for direct light.
@@ -184,6 +186,7 @@ PixelSample RadianceCacheIntegrator::from_medium(const Walk& walk, const MediumS
       sum.sampled += from_beyond(walk, segment, technique_.rest, 0, 0, random, counters);
     return sum;
   }
+  if (!walk.straight && !walk.wants_cached) return sum;
   const PixelSample more = walk.straight ? from_cache(walk, segment, technique_.rest, random, counters)
                                          : from_random_place(walk, segment, random, counters);
   sum.sampled += more.sampled;
@@ -196,17 +199,19 @@ PixelSample RadianceCacheIntegrator::from_cache(const Walk& walk, const MediumSe
                                                 RayCounters& counters) const {
   PixelSample sum;
   const auto [first, last] = inside_ball(segment, world_->scene().bounds, domain_scale);
-  const float widest_step = published_.typical_radius > 0 ? published_.typical_radius : 1e30f;
-  const cache::RayVisibility visibility(world_->scene(), counters);
-  const CameraMarch march(segment, first, last, find(medium_component(walk, quantity)), visibility,
-                          widest_step);
-  if (walk.observer != nullptr) {
-    report(walk, segment, quantity, march);
-  } else {
-    sum.cached += from_records(walk, segment, quantity, march, random, counters);
-    if (first > 0 || last < segment.length)
-      sum.sampled += from_beyond(walk, segment, quantity, first, last, random, counters);
+  if (walk.wants_cached) {
+    const float widest_step = published_.typical_radius > 0 ? published_.typical_radius : 1e30f;
+    const cache::RayVisibility visibility(world_->scene(), counters);
+    const CameraMarch march(segment, first, last, find(medium_component(walk, quantity)), visibility,
+                            widest_step);
+    if (walk.observer != nullptr) {
+      report(walk, segment, quantity, march, visibility);
+      return sum;
+    }
+    sum.cached = from_records(walk, segment, quantity, march, random, counters);
   }
+  if (first > 0 || last < segment.length)
+    sum.sampled = from_beyond(walk, segment, quantity, first, last, random, counters);
   return sum;
 }
 
@@ -273,7 +278,8 @@ Spectrum RadianceCacheIntegrator::from_beyond(const Walk& walk, const MediumSegm
 }
 
 void RadianceCacheIntegrator::report(const Walk& walk, const MediumSegment& segment, cache::Quantity quantity,
-                                     const CameraMarch& march) const {
+                                     const CameraMarch& march,
+                                     const cache::VisibilityTest& visibility) const {
   const std::span<const MarchNode> nodes = march.nodes();
   // Least sum of a record's radius and the way to it, from either side.
   std::array<float, CameraMarch::most_nodes> reach;
@@ -299,7 +305,8 @@ void RadianceCacheIntegrator::report(const Walk& walk, const MediumSegment& segm
                             segment.direction,
                             nodes[i].t,
                             segment.length - nodes[i].t,
-                            reach[i]});
+                            reach[i],
+                            &visibility});
 }
 
 PixelSample RadianceCacheIntegrator::from_surface(Walk& walk, const scene::SurfaceInteraction& surface,
@@ -321,7 +328,7 @@ PixelSample RadianceCacheIntegrator::from_surface(Walk& walk, const scene::Surfa
     walk.ended = true;
     // One scattering event more than for direct light.
     const bool more = settings_.max_depth < 0 || walk.depth + 2 < settings_.max_depth;
-    if (more && !is_black(*reflectance)) {
+    if (more && walk.wants_cached && !is_black(*reflectance)) {
       const Vec3f side = wo.z > 0 ? surface.shading_normal : -surface.shading_normal;
       sum.cached = *reflectance * arriving_at(walk, surface, side, *reflectance, random, counters);
     }
@@ -337,16 +344,17 @@ Spectrum RadianceCacheIntegrator::arriving_at(const Walk& walk, const scene::Sur
   const int32_t medium = world_->medium_beyond(surface, -walk.ray.direction, walk.medium);
   const cache::Component component{medium, 0, published_.generation, cache::Quantity::irradiance};
   const cache::Index* index = find(component);
+  const cache::RayVisibility visibility(world_->scene(), counters);
   cache::Interpolation found;
   if (index != nullptr) {
     found = index->look_up(surface.position, side);
-    const Vec3f above = surface.spawn_origin(side);
-    index->recover_visible(above, side, cache::RayVisibility(world_->scene(), counters), found);
+    index->recover_visible(surface.position, side, visibility, found);
   }
   if (walk.observer != nullptr) {
     walk.observer->look_up({.place = {surface.position, side, component},
                             .found = found,
-                            .weight = walk.throughput * reflectance});
+                            .weight = walk.throughput * reflectance,
+                            .visibility = &visibility});
     return Spectrum(0);
   }
   if (found.weight > 0) return found.radiance;
@@ -405,14 +413,15 @@ bool RadianceCacheIntegrator::go_on(Walk& walk, const scene::SurfaceInteraction&
   return true;
 }
 
-PixelSample RadianceCacheIntegrator::walk_from(const Ray& ray, RandomStream& random, RayCounters& counters,
-                                               LookUpObserver* observer) const {
+PixelSample RadianceCacheIntegrator::walk_from(const Ray& ray, bool wants_cached, RandomStream& random,
+                                               RayCounters& counters, LookUpObserver* observer) const {
   if (settings_.max_depth == 0) return {};
   const scene::Scene& scene = world_->scene();
   Walk walk;
   walk.ray = ray;
   walk.medium = scene.sensor.medium;
   walk.sees_emission = !settings_.hide_emitters;
+  walk.wants_cached = wants_cached;
   walk.observer = observer;
   PixelSample radiance;
   while (!walk.ended) {
@@ -447,12 +456,17 @@ PixelSample RadianceCacheIntegrator::walk_from(const Ray& ray, RandomStream& ran
 
 PixelSample RadianceCacheIntegrator::sample(const Ray& ray, RandomStream& random,
                                             RayCounters& counters) const {
-  return walk_from(ray, random, counters, nullptr);
+  return walk_from(ray, true, random, counters, nullptr);
+}
+
+PixelSample RadianceCacheIntegrator::sample_without_cache(const Ray& ray, RandomStream& random,
+                                                          RayCounters& counters) const {
+  return walk_from(ray, false, random, counters, nullptr);
 }
 
 void RadianceCacheIntegrator::observe(const Ray& ray, RandomStream& random, RayCounters& counters,
                                       LookUpObserver& observer) const {
-  walk_from(ray, random, counters, &observer);
+  walk_from(ray, true, random, counters, &observer);
 }
 
 std::unique_ptr<Preparation> RadianceCacheIntegrator::prepare(const CameraRays& camera,

@@ -44,6 +44,8 @@ class RadianceCacheIntegrator final : public Integrator {
 
   /// Against the epoch that the preparation published. Where no record reaches, a path takes its place.
   PixelSample sample(const Ray& ray, RandomStream& random, RayCounters& counters) const override;
+  PixelSample sample_without_cache(const Ray& ray, RandomStream& random,
+                                   RayCounters& counters) const override;
   std::unique_ptr<Preparation> prepare(const CameraRays& camera, const CacheTarget& target) override;
   CacheCounts cache_counts() const override;
   std::vector<Decision> decisions() const override { return single_scattering_.decisions(); }
@@ -73,7 +75,7 @@ class RadianceCacheIntegrator final : public Integrator {
  private:
   struct Walk;
 
-  PixelSample walk_from(const Ray& ray, RandomStream& random, RayCounters& counters,
+  PixelSample walk_from(const Ray& ray, bool wants_cached, RandomStream& random, RayCounters& counters,
                         LookUpObserver* observer) const;
   PixelSample from_medium(const Walk& walk, const transport::MediumSegment& segment, RandomStream& random,
                           RayCounters& counters) const;
@@ -90,7 +92,7 @@ class RadianceCacheIntegrator final : public Integrator {
   Spectrum from_beyond(const Walk& walk, const transport::MediumSegment& segment, cache::Quantity quantity,
                        float first, float last, RandomStream& random, RayCounters& counters) const;
   void report(const Walk& walk, const transport::MediumSegment& segment, cache::Quantity quantity,
-              const CameraMarch& march) const;
+              const CameraMarch& march, const cache::VisibilityTest& visibility) const;
   /// What a record of the quantity would say at a place, sampled; per sigma_s, scattered against `direction`.
   Spectrum uncached_light(const Walk& walk, const transport::MediumInfo& medium, cache::Quantity quantity,
                           const Vec3f& position, const Vec3f& direction, RandomStream& random,

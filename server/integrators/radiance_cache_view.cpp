@@ -62,8 +62,7 @@ class ViewSums final : public LookUpObserver {
   /// alike. A record alone has the metric's bound, as far as that says anything: noise may blow up second
   /// derivatives.
   void compare(const LookUp& look_up, const cache::Index& index, double weight) {
-    const std::vector<cache::Contribution> contributions =
-        index.contributions(look_up.place.position, look_up.place.normal);
+    const std::vector<cache::Contribution> contributions = contributions_to(look_up, index);
     std::vector<double> claims;
     double blend = 0;
     for (const cache::Contribution& one : contributions) {

@@ -21,7 +21,7 @@ void RecordNoise::look_up(const LookUp& look_up) {
   const auto weight = static_cast<double>(luminance(look_up.weight));
   if (index == nullptr || !(weight > 0) || !(look_up.found.weight > 0)) return;
   luminance_ += static_cast<double>(luminance(look_up.weight * look_up.found.radiance));
-  for (const cache::Contribution& one : index->contributions(look_up.place.position, look_up.place.normal))
+  for (const cache::Contribution& one : contributions_to(look_up, *index))
     shares_[{index, one.place}] += weight * static_cast<double>(one.weight / look_up.found.weight);
 }
 

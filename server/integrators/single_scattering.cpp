@@ -55,7 +55,7 @@ SingleScatteringTerm::Cached SingleScatteringTerm::cached(uint32_t light, int32_
 }
 
 PixelSample SingleScatteringTerm::sample(const MediumSegment& segment, int32_t medium_index,
-                                         const cache::Epoch* epoch, RandomStream& random,
+                                         bool wants_cached, const cache::Epoch* epoch, RandomStream& random,
                                          RayCounters& counters) const {
   if (!looks_up())
     return {.sampled = transport::in_scattered_radiance_bundle(*world_, segment, medium_index, samples,
@@ -73,6 +73,8 @@ PixelSample SingleScatteringTerm::sample(const MediumSegment& segment, int32_t m
     const LightChoice& choice = choices[begin];
     for (end = begin + 1; end < first.size() && choices[end].light == choice.light; ++end) continue;
     if (!(choice.probability > 0)) continue;
+    const Cached known = cached(choice.light, medium_index, epoch);
+    if (known.proxy != nullptr && !wants_cached) continue;
     const Light& light = world_->lights().light(choice.light);
     const DistanceTable table(segment, light, DistanceTable::Resolution::fine);
     if (!table.can_contribute()) continue;
@@ -83,7 +85,6 @@ PixelSample SingleScatteringTerm::sample(const MediumSegment& segment, int32_t m
       distances[i] = table.sample(first[i]);
       places[i] = segment.origin + segment.direction * distances[i];
     }
-    const Cached known = cached(choice.light, medium_index, epoch);
     if (known.index != nullptr)
       known.index->look_up(std::span(places).subspan(begin, end - begin),
                            std::span(found).subspan(begin, end - begin));

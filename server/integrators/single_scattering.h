@@ -33,9 +33,10 @@ class SingleScatteringTerm {
   double typical_radiance(std::span<const cache::Record> records) const;
 
   /// Radiance scattered once in `segment`, through `medium`, against its direction, with the transmittance up
-  /// to its origin; one sample of it. `epoch` may be null. Where no record reaches, light is sampled.
-  PixelSample sample(const transport::MediumSegment& segment, int32_t medium, const cache::Epoch* epoch,
-                     RandomStream& random, RayCounters& counters) const;
+  /// to its origin; one sample of it. `epoch` may be null. Where no record reaches, light is sampled. Without
+  /// `wants_cached`, PixelSample::cached is 0 for less time.
+  PixelSample sample(const transport::MediumSegment& segment, int32_t medium, bool wants_cached,
+                     const cache::Epoch* epoch, RandomStream& random, RayCounters& counters) const;
   /// Tells of look-ups that `sample` would make along `segment`; `throughput` weighs them.
   void observe(const transport::MediumSegment& segment, int32_t medium, const cache::Epoch* epoch,
                const Spectrum& throughput, LookUpObserver& observer) const;

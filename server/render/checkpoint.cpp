@@ -22,7 +22,7 @@ static_assert(sizeof(PixelSums) == 6 * sizeof(double) && std::is_trivially_copya
 namespace {
 
 constexpr std::string_view magic = "fogbankC";
-constexpr uint32_t version = 1;
+constexpr uint32_t version = 2;
 constexpr size_t digest_bytes = 64;
 
 [[noreturn]] void damaged(const std::string& why) {
@@ -115,6 +115,7 @@ void put(Encoder& encoder, const HistoryEntry& entry) {
   encoder.put(entry.records);
   encoder.put(entry.epoch);
   encoder.put(entry.estimate.noise);
+  encoder.put(entry.estimate.disagreement);
   encoder.put(entry.estimate.bias);
   encoder.put(entry.estimate.error);
   encoder.put(static_cast<uint8_t>(entry.estimate.true_error.has_value()));
@@ -133,6 +134,7 @@ HistoryEntry get_history_entry(Decoder& decoder) {
   entry.records = decoder.get<uint64_t>();
   entry.epoch = decoder.get<uint64_t>();
   entry.estimate.noise = decoder.get_optional();
+  entry.estimate.disagreement = decoder.get<double>();
   entry.estimate.bias = decoder.get<double>();
   entry.estimate.error = decoder.get_optional();
   const bool has_true_error = decoder.get<uint8_t>() != 0;

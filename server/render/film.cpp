@@ -9,25 +9,48 @@ namespace fogbank::render {
 
 double luminance_of(const Vec3d& rgb) { return 0.212671 * rgb.x + 0.715160 * rgb.y + 0.072169 * rgb.z; }
 
-Vec3d PixelSums::mean(SampleRange samples) const {
-  return samples.count() == 0 ? Vec3d(0) : (even + odd) / static_cast<double>(samples.count());
+namespace {
+
+/// Of all samples, that look at the cache: what their noise is known from.
+constexpr double least_share_of_cached_samples = 1.0 / 16;
+
+/// As `relative_disagreement` says, of the errors of pixels that `error_of(tile, pixel)` gives.
+template <typename ErrorOf>
+double relative_disagreement_of(const std::vector<const TileFilm*>& tiles, const ErrorOf& error_of) {
+  const double mean = mean_luminance(tiles);
+  if (!(mean > 0)) return 0;
+  std::vector<float> squares;
+  for (const TileFilm* tile : tiles) {
+    for (size_t pixel = 0; pixel < tile->sampled.size(); ++pixel) {
+      const double error = luminance_of(error_of(*tile, pixel));
+      const double scale = luminance_of(tile->mean(pixel)) + 0.1 * mean;
+      squares.push_back(to_pixel(sqr(static_cast<float>(error / scale))));
+    }
+  }
+  return std::sqrt(trimmed_mean(std::move(squares)));
 }
 
-Vec3d PixelSums::standard_error(SampleRange samples) const {
-  const double even_count = samples.even_count();
-  const double odd_count = samples.odd_count();
-  if (even_count == 0 || odd_count == 0) return Vec3d(0);
-  return (even / even_count - odd / odd_count) * (std::sqrt(even_count * odd_count) / samples.count());
+}  // namespace
+
+Vec3d PixelSums::mean(SampleCounts samples) const {
+  return samples.sum() == 0 ? Vec3d(0) : (even + odd) / static_cast<double>(samples.sum());
+}
+
+Vec3d PixelSums::standard_error(SampleCounts samples) const {
+  if (samples.even == 0 || samples.odd == 0) return Vec3d(0);
+  const double even_count = samples.even;
+  const double odd_count = samples.odd;
+  return (even / even_count - odd / odd_count) * (std::sqrt(even_count * odd_count) / samples.sum());
 }
 
 Vec3d TileFilm::mean(size_t pixel) const {
   const Vec3d mean = sampled[pixel].mean(all_samples());
-  return cached.empty() ? mean : mean + cached[pixel].mean(cached_samples());
+  return cached.empty() ? mean : mean + cached[pixel].mean(cached_samples);
 }
 
 Vec3d TileFilm::standard_error(size_t pixel) const {
   const Vec3d error = sampled[pixel].standard_error(all_samples());
-  return cached.empty() ? error : error + cached[pixel].standard_error(cached_samples());
+  return cached.empty() ? error : error + cached[pixel].standard_error(cached_samples);
 }
 
 float to_pixel(double value) {
@@ -54,18 +77,27 @@ double trimmed_mean(std::vector<float> values) {
   return total / static_cast<double>(kept);
 }
 
-double relative_noise(const std::vector<const TileFilm*>& tiles) {
-  const double mean = mean_luminance(tiles);
-  if (!(mean > 0)) return 0;
-  std::vector<float> squares;
-  for (const TileFilm* tile : tiles) {
-    for (size_t pixel = 0; pixel < tile->sampled.size(); ++pixel) {
-      const double error = luminance_of(tile->standard_error(pixel));
-      const double scale = luminance_of(tile->mean(pixel)) + 0.1 * mean;
-      squares.push_back(to_pixel(sqr(static_cast<float>(error / scale))));
-    }
-  }
-  return std::sqrt(trimmed_mean(std::move(squares)));
+double relative_disagreement(const std::vector<const TileFilm*>& tiles) {
+  return relative_disagreement_of(
+      tiles, [](const TileFilm& tile, size_t pixel) { return tile.standard_error(pixel); });
+}
+
+double wanted_share_of_cached_samples(const std::vector<const TileFilm*>& tiles) {
+  const TileFilm& first = *tiles.front();
+  if (first.cached_samples.even < 2 || first.cached_samples.odd < 2) return 1;
+  const double sampled =
+      relative_disagreement_of(tiles,
+                               [](const TileFilm& tile, size_t pixel) {
+                                 return tile.sampled[pixel].standard_error(tile.all_samples());
+                               }) *
+      std::sqrt(first.samples);
+  const double cached =
+      relative_disagreement_of(tiles,
+                               [](const TileFilm& tile, size_t pixel) {
+                                 return tile.cached[pixel].standard_error(tile.cached_samples);
+                               }) *
+      std::sqrt(first.cached_samples.sum());
+  return cached < sampled ? std::fmax(cached / sampled, least_share_of_cached_samples) : 1;
 }
 
 }  // namespace fogbank::render

@@ -23,15 +23,23 @@ inline bool is_odd_sample(uint32_t sample) {
   return std::popcount(sample & digits) % 2 != 0;
 }
 
-/// Sample indices [first, end).
-struct SampleRange {
-  uint32_t first = 0;
-  uint32_t end = 0;
+/// Samples of the first and of the second half (PixelSums).
+struct SampleCounts {
+  uint32_t even = 0;
+  uint32_t odd = 0;
 
-  uint32_t count() const { return end - first; }
-  /// Samples of the first and of the second half (PixelSums).
-  uint32_t even_count() const { return count() - odd_count(); }
-  uint32_t odd_count() const { return odd_below(end) - odd_below(first); }
+  /// Of sample indices [first, end).
+  static SampleCounts of_range(uint32_t first, uint32_t end) {
+    const uint32_t odd = odd_below(end) - odd_below(first);
+    return {end - first - odd, odd};
+  }
+  uint32_t sum() const { return even + odd; }
+  SampleCounts& operator+=(const SampleCounts& more) {
+    even += more.even;
+    odd += more.odd;
+    return *this;
+  }
+  bool operator==(const SampleCounts&) const = default;
 
  private:
   static uint32_t odd_below(uint32_t n) { return n / 2 + (n % 2 != 0 && is_odd_sample(n - 1) ? 1 : 0); }
@@ -48,12 +56,12 @@ struct PixelSums {
   void add(uint32_t sample, const Spectrum& radiance) {
     (is_odd_sample(sample) ? odd : even) += Vec3d(radiance);
   }
-  Vec3d mean(SampleRange samples) const;
+  Vec3d mean(SampleCounts samples) const;
   /// Difference of the two halves' means, scaled so that its square estimates, without bias where samples
   /// are independent, the variance of `mean`: with a and b samples of variance v each, E[(A - B)^2] = v (1 /
   /// a + 1 / b), and the variance of the mean is v / (a + b); so the scale is sqrt(a b) / (a + b). 0 where a
   /// half is empty.
-  Vec3d standard_error(SampleRange samples) const;
+  Vec3d standard_error(SampleCounts samples) const;
 };
 
 /// One tile after some number of passes; row by row.
@@ -62,13 +70,13 @@ struct TileFilm {
   uint32_t samples = 0;              ///< per pixel
   std::vector<PixelSums> sampled;    ///< of all samples; of both parts where `cached` is empty
   uint32_t first_cached_sample = 0;  ///< the first of the present epoch
-  std::vector<PixelSums> cached;     ///< of samples first_cached_sample ..
+  SampleCounts cached_samples;       ///< since then, not all have looked at the cache
+  std::vector<PixelSums> cached;     ///< of these
 
-  SampleRange all_samples() const { return {0, samples}; }
-  SampleRange cached_samples() const { return {first_cached_sample, samples}; }
+  SampleCounts all_samples() const { return SampleCounts::of_range(0, samples); }
   Vec3d mean(size_t pixel) const;
   /// The layers' errors added with their signs: samples that are in both layers are correlated, and the
-  /// square of the sum has the right mean then, too.
+  /// square of the sum has the right mean then, too, also where one layer has only some of the other's.
   Vec3d standard_error(size_t pixel) const;
 };
 
@@ -84,10 +92,16 @@ double mean_luminance(const std::vector<const TileFilm*>& tiles);
 /// Without the largest 0.1 % of them; at least one.
 double trimmed_mean(std::vector<float> values);
 
-/// Noise of an image, as a share of its brightness. With L the mean luminance of a pixel, V its variance from
+/// How much the half buffers of an image disagree, as a share of its brightness: the noise of independent
+/// samples. With L the mean luminance of a pixel, V its variance from
 /// the half buffers and M the mean of L over the image: the root mean square of sqrt(V) / (L + M / 10) over
 /// the pixels, without the largest 0.1 % of them, as single fireflies would decide it otherwise. `tiles` hold
 /// the same samples each. 0 with one sample or a black image. Takes about 20 ns a pixel.
-double relative_noise(const std::vector<const TileFilm*>& tiles);
+double relative_disagreement(const std::vector<const TileFilm*>& tiles);
+
+/// The share of samples that are to look at the cache, in (0, 1]: with the same time for either layer's
+/// samples, the least variance of the sum is where they go as the layers' noise of one sample. 1 where that
+/// is not known: where a layer has but one sample in either half, or none has noise.
+double wanted_share_of_cached_samples(const std::vector<const TileFilm*>& tiles);
 
 }  // namespace fogbank::render

@@ -36,7 +36,10 @@ Standing RenderJob::Implementation::standing() const {
           .reserved_seconds = reserved_seconds,
           .records_new = told.records_new,
           .noise = told.estimate.noise,
-          .bias = told.estimate.bias};
+          .bias = told.estimate.bias,
+          .disagreement = told.estimate.disagreement,
+          .cached_share = cached_share,
+          .cached_samples = cached_samples_done};
 }
 
 std::optional<RenderJob::Implementation::Phase> RenderJob::Implementation::plan() {
@@ -83,6 +86,7 @@ std::optional<RenderJob::Implementation::Phase> RenderJob::Implementation::plan(
         return begin_survey(Activity::aovs, 1, settings.aovs);
       case Step::Kind::pass:
         pass_samples = step.samples;
+        pass_cached_samples = step.cached_samples;
         // Replicas prepare a pass each for itself: what they need is too much to be sent around.
         if (!log) {
           preparation = integrator->prepare_pass(
@@ -139,6 +143,8 @@ RenderJob::Implementation::Phase RenderJob::Implementation::go_on_preparing() {
     }
     preparation_deadline.reset();
     films.restart_cached();
+    cached_share = 1;
+    cached_samples_done = 0;
   }
   preparation = nullptr;
   return begin_survey(Activity::survey, survey_stride(settings.film.crop), {Aov::variance, Aov::bias});
@@ -154,7 +160,7 @@ RenderJob::Implementation::Phase RenderJob::Implementation::go_on_preparing_pass
     return Phase::preparing;
   }
   activity = Activity::pass;
-  films.begin_pass(pass_samples);
+  films.begin_pass(pass_samples, pass_cached_samples);
   return Phase::rendering;
 }
 
@@ -204,9 +210,13 @@ void RenderJob::Implementation::judge_pass() {
 
   ErrorEstimate estimate;
   // One sample of the cached layer tells nothing of that layer's noise.
-  if (tiles.front()->cached.empty() || tiles.front()->cached_samples().count() > 1) {
-    if (const double noise = relative_noise(tiles); noise > 0) estimate.noise = noise;
+  const TileFilm& any_tile = *tiles.front();
+  if (any_tile.cached.empty() || any_tile.cached_samples.sum() > 1) {
+    estimate.disagreement = relative_disagreement(tiles);
   }
+  cached_share = any_tile.cached.empty() ? 1 : wanted_share_of_cached_samples(tiles);
+  cached_samples_done = any_tile.cached_samples.sum();
+  if (estimate.disagreement > 0) estimate.noise = progression.noise(estimate.disagreement, any_tile.samples);
   if (bias_survey.rows() > 0) estimate.bias = relative_bias(image, settings.film.crop, bias_survey);
   if (estimate.noise) estimate.error = std::hypot(*estimate.noise, estimate.bias);
   if (comparison) estimate.true_error = comparison->compare(image);

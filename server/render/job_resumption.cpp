@@ -31,6 +31,8 @@ Progression replay(const RenderSettings& settings, uint32_t most_samples, const 
     } else {
       standing.samples += step.samples;
       ++passes;
+      const auto judged = std::ranges::find(checkpoint.history, standing.samples, &HistoryEntry::samples);
+      standing.disagreement = judged != checkpoint.history.end() ? judged->estimate.disagreement : 0;
     }
   }
   if (standing.samples != checkpoint.samples || passes != checkpoint.passes)

@@ -47,6 +47,8 @@ TileFilm take_film(ByteReader& reader) {
   film.passes = reader.take<uint32_t>();
   film.samples = reader.take<uint32_t>();
   film.first_cached_sample = reader.take<uint32_t>();
+  film.cached_samples.even = reader.take<uint32_t>();
+  film.cached_samples.odd = reader.take<uint32_t>();
   film.sampled = take_layer(reader);
   film.cached = take_layer(reader);
   return film;
@@ -64,13 +66,15 @@ TileInput take_tile(ByteReader& reader) {
   task.first_sample = reader.take<uint32_t>();
   task.sample_count = reader.take<uint32_t>();
   task.first_cached_sample = reader.take<uint32_t>();
+  task.cached_sample_count = reader.take<uint32_t>();
   const bool layered = reader.take<uint8_t>() != 0;
   const auto is_side = [](int32_t side) { return side >= 1 && side <= RenderLimits::largest_tile; };
   const auto is_place = [](int32_t place) { return place >= 0 && place < RenderLimits::film_side; };
   constexpr auto most = static_cast<uint32_t>(RenderLimits::samples_per_pixel);
   if (!reader.ok() || !is_side(task.window.width) || !is_side(task.window.height) ||
       !is_place(task.window.x) || !is_place(task.window.y) || task.first_sample > most ||
-      task.sample_count > most || task.first_cached_sample > task.first_sample)
+      task.sample_count > most || task.first_cached_sample > task.first_sample ||
+      task.cached_sample_count > task.sample_count)
     refuse_poisoned("a tile is out of range");
   const bool begun = reader.take<uint8_t>() != 0;
   TileFilm before;
@@ -118,6 +122,7 @@ void append(std::string& bytes, const TileInput& input) {
   append_bytes(bytes, task.first_sample);
   append_bytes(bytes, task.sample_count);
   append_bytes(bytes, task.first_cached_sample);
+  append_bytes(bytes, task.cached_sample_count);
   append_bytes(bytes, static_cast<uint8_t>(!input.film.cached.empty()));
   // A film without samples is black, and a layer without samples needs no bytes.
   const bool begun = input.film.samples > 0;
@@ -126,6 +131,8 @@ void append(std::string& bytes, const TileInput& input) {
   append_bytes(bytes, input.film.passes);
   append_bytes(bytes, input.film.samples);
   append_bytes(bytes, input.film.first_cached_sample);
+  append_bytes(bytes, input.film.cached_samples.even);
+  append_bytes(bytes, input.film.cached_samples.odd);
   append_layer(bytes, input.film.sampled);
   append_layer(bytes,
                task.first_cached_sample < task.first_sample ? input.film.cached : std::vector<PixelSums>{});
@@ -139,7 +146,10 @@ TileFilm film_for(const TileTask& task, bool layered, const TileFilm* before) {
   const size_t pixels = pixel_count(task.window);
   film.sampled.resize(pixels);
   if (!layered) return film;
-  if (film.first_cached_sample != task.first_cached_sample) film.cached.clear();
+  if (film.first_cached_sample != task.first_cached_sample) {
+    film.cached.clear();
+    film.cached_samples = {};
+  }
   film.cached.resize(pixels);
   film.first_cached_sample = task.first_cached_sample;
   return film;
@@ -150,6 +160,8 @@ std::string bytes_of(const TileFilm& film) {
   append_bytes(bytes, film.passes);
   append_bytes(bytes, film.samples);
   append_bytes(bytes, film.first_cached_sample);
+  append_bytes(bytes, film.cached_samples.even);
+  append_bytes(bytes, film.cached_samples.odd);
   append_layer(bytes, film.sampled);
   append_layer(bytes, film.cached);
   return bytes;

@@ -12,8 +12,9 @@ PassFilms::PassFilms(const RenderSettings& settings)
       tiles_(grid_.count()),
       next_in_order_(order_.size()) {}
 
-void PassFilms::begin_pass(uint32_t samples) {
+void PassFilms::begin_pass(uint32_t samples, uint32_t cached_samples) {
   pass_samples_ = samples;
+  pass_cached_samples_ = cached_samples;
   next_in_order_ = 0;
 }
 
@@ -31,7 +32,13 @@ std::optional<TileTask> PassFilms::take() {
 }
 
 TileTask PassFilms::task(uint32_t tile) const {
-  return {tile, passes_done_, grid_.window(tile), samples_done_, pass_samples_, first_cached_sample_};
+  return {.tile = tile,
+          .pass = passes_done_,
+          .window = grid_.window(tile),
+          .first_sample = samples_done_,
+          .sample_count = pass_samples_,
+          .first_cached_sample = first_cached_sample_,
+          .cached_sample_count = pass_cached_samples_};
 }
 
 void PassFilms::recall() {

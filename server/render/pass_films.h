@@ -30,7 +30,8 @@ class PassFilms {
   /// The cached layer begins anew with the next pass.
   void restart_cached() { first_cached_sample_ = samples_done_; }
 
-  void begin_pass(uint32_t samples);
+  /// The first `cached_samples` of its samples look at the cache, if there is one.
+  void begin_pass(uint32_t samples, uint32_t cached_samples);
   /// A task of the current pass that nobody has, if any.
   std::optional<TileTask> take();
   void give_back(uint32_t tile) { returned_.push_back(tile); }
@@ -66,6 +67,7 @@ class PassFilms {
   uint32_t samples_done_ = 0;
   uint32_t first_cached_sample_ = 0;
   uint32_t pass_samples_ = 0;  ///< of the current pass; 0: there is none
+  uint32_t pass_cached_samples_ = 0;
   size_t next_in_order_ = 0;
   std::vector<uint32_t> returned_;  ///< tiles of the current pass whose task was stopped
   uint32_t tiles_done_ = 0;

@@ -23,9 +23,10 @@ struct TrueError {
 
 /// How good an image is thought to be. Shares of the error are root mean squares over pixels, relative to the
 /// pixel's luminance plus a tenth of the image's mean luminance, without the largest 0.1 %: the formula is at
-/// `relative_noise` in film.h.
+/// `relative_disagreement` in film.h.
 struct ErrorEstimate {
   std::optional<double> noise;  ///< from the half buffers; none with one sample of a layer or a black image
+  double disagreement = 0;      ///< of the half buffers, which `noise` is made of: noise_of_film
   double bias = 0;  ///< of the cache: extrapolation and noise of records, as CacheView tells; 0: none
   std::optional<double> error;          ///< sqrt(noise^2 + bias^2); none without noise
   std::optional<TrueError> true_error;  ///< with a reference image

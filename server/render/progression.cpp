@@ -38,6 +38,10 @@ constexpr double first_stage_share = 0.5;
 /// Share of the time left that a stage is expected to take at most, and the share after which it is dropped.
 constexpr double stage_share = 0.4;
 constexpr double stage_limit = 0.7;
+/// Pixels from which the fall of the noise is known to some ten per cent; samples from which either half has
+/// two, about.
+constexpr int64_t least_pixels_for_exponent = 1024;
+constexpr uint32_t least_samples_for_exponent = 4;
 /// Growth of a stage's time, while only the preview's is known; and limits to what is measured.
 constexpr double first_growth = 4;
 constexpr double least_growth = 1.5;
@@ -79,6 +83,32 @@ void Progression::stage_ended(double seconds, bool dropped) {
                 : first_growth;
   last_stage_seconds_ = seconds;
   if (dropped) prepares_ = false;
+  looks_.clear();
+}
+
+double Progression::noise(double disagreement, uint32_t samples) const {
+  const int64_t pixels = int64_t{settings_.film.crop.width} * settings_.film.crop.height;
+  const auto after = std::ranges::partition_point(
+      looks_, [&](const Look& before) { return 2 * uint64_t{before.samples} <= samples; });
+  if (pixels < least_pixels_for_exponent || after == looks_.begin() || !(disagreement > 0))
+    return disagreement;
+  const Look& before = *std::prev(after);
+  const double fallen = 2 * std::log(before.disagreement / disagreement);
+  const double b = std::clamp(fallen / std::log(static_cast<double>(samples) / before.samples), 1.0, 2.0);
+  return disagreement / std::sqrt(std::exp2(b) - 1);
+}
+
+void Progression::look(const Standing& standing) {
+  if (standing.samples >= least_samples_for_exponent && standing.disagreement > 0)
+    looks_.push_back({standing.samples, standing.disagreement});
+  // What was asked for by number is taken in full.
+  cached_until_ = no_limit;
+  if (settings_.error == 0 && settings_.time_budget_seconds == 0) return;
+  const uint32_t end =
+      decision_at_ > standing.samples ? decision_at_ : standing.samples + pass(standing).samples;
+  const double wanted = std::ceil(standing.cached_share * end) - standing.cached_samples;
+  cached_until_ = standing.samples +
+                  static_cast<uint32_t>(std::clamp(wanted, 0.0, static_cast<double>(end - standing.samples)));
 }
 
 double Progression::seconds_left(const Standing& standing) const {
@@ -118,6 +148,7 @@ Step Progression::pass(const Standing& standing) const {
   }
   if (step.samples == 0) step.kind = Step::Kind::finish;
   if (decision_at_ > standing.samples) step.samples = std::min(step.samples, decision_at_ - standing.samples);
+  step.cached_samples = std::min(step.samples, cached_until_ - std::min(cached_until_, standing.samples));
   return step;
 }
 
@@ -187,6 +218,7 @@ Step Progression::next(const Standing& standing) {
   if (begin_with_pass_ && more_than_one) {
     begin_with_pass_ = false;
     decision_at_ = standing.samples + 1;
+    cached_until_ = no_limit;
     return pass(standing);
   }
   if (standing.samples >= decision_at_ || settings_.time_budget_seconds > 0) {
@@ -195,6 +227,7 @@ Step Progression::next(const Standing& standing) {
     decision_at_ = standing.samples +
                    std::max(1u, static_cast<uint32_t>(looks_apart * static_cast<double>(standing.samples)));
     if (settings_.error == 0) decision_at_ = 0;
+    look(standing);
   }
   return pass(standing);
 }

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "integrators/integrator.h"
 #include "render/render_settings.h"
@@ -17,7 +18,8 @@ struct Step {
   integrators::CacheTarget target;  ///< prepare
   /// prepare: dropped when it isn't done then; seconds since the job's begin.
   std::optional<double> latest_end_seconds;
-  uint32_t samples = 0;  ///< pass: per pixel
+  uint32_t samples = 0;         ///< pass: per pixel
+  uint32_t cached_samples = 0;  ///< pass: the first of these, which look at the cache if there is one
 };
 
 /// How a job stands.
@@ -28,6 +30,9 @@ struct Standing {
   uint64_t records_new = 0;
   std::optional<double> noise;  ///< of the last pass; none: not known yet
   double bias = 0;              ///< of the last pass
+  double disagreement = 0;      ///< of the last pass's half buffers (film.h)
+  double cached_share = 1;      ///< of samples, that should look at the cache (film.h)
+  uint32_t cached_samples = 0;  ///< per pixel, that looked at the cache as it is
 };
 
 /// What the cache's stages come down to: its share of the error that is asked for.
@@ -46,6 +51,13 @@ class Progression {
   void nothing_to_prepare() { prepares_ = false; }
   /// The stage that the last step began has ended. `dropped`: for want of time.
   void stage_ended(double seconds, bool dropped);
+  /// Noise of an image of `samples` a pixel whose half buffers disagree by so much (relative_disagreement).
+  /// Where the variance V of n samples falls as n^-b, as sequences make it fall, half of the samples have 2^b
+  /// times that of all; with E[(A - B)^2] = 2 V(n / 2) - 2 C and V(n) = (V(n / 2) + C) / 2, C the halves'
+  /// covariance, the square of the disagreement, E[(A - B)^2] / 4, is (2^b - 1) V(n). b is what it fell by
+  /// since the results of this stage were looked at with half of the samples or less, from 1 (independent
+  /// samples) to 2; 1 while they were not, or where the pixels are too few to tell.
+  double noise(double disagreement, uint32_t samples) const;
   /// Passes in all; 0 while a target leaves it open.
   uint32_t pass_count() const;
 
@@ -56,6 +68,8 @@ class Progression {
   std::optional<double> finer_target(const Standing& standing);
   Step prepare(double error, bool preview, const Standing& standing);
   Step pass(const Standing& standing) const;
+  /// Looks at results: what follows from them until they are looked at again.
+  void look(const Standing& standing);
   double seconds_left(const Standing& standing) const;
   double seconds_of_a_sample(const Standing& standing) const;
   bool fits(const Standing& standing) const;
@@ -68,6 +82,12 @@ class Progression {
   double aim_ = 0;                ///< what the stages come down to
   bool begin_with_pass_ = false;  ///< the stage before has not been seen yet
   uint32_t decision_at_ = 0;      ///< samples at which results are looked at next
+  struct Look {
+    uint32_t samples = 0;
+    double disagreement = 0;
+  };
+  std::vector<Look> looks_;    ///< of this stage, at least `least_samples` of noise
+  uint32_t cached_until_ = 0;  ///< the number of the first sample that doesn't look at the cache
   double preparation_seconds_ = 0;
   double last_stage_seconds_ = 0;
   double growth_ = 0;     ///< of seconds from stage to stage

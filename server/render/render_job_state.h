@@ -90,13 +90,16 @@ struct RenderJob::Implementation {
   // Changed by the plan task only, which runs alone.
   const std::unique_ptr<integrators::Integrator> integrator;
   std::unique_ptr<integrators::Preparation> preparation;  ///< of a stage or a pass
-  uint32_t pass_samples = 0;                              ///< of the pass that is prepared
+  uint32_t pass_cached_samples = 0;
+  uint32_t pass_samples = 0;  ///< of the pass that is prepared
   Progression progression;
   std::optional<ReferenceComparison> comparison;
-  bool layered = false;     ///< the integrator has something to prepare: there is a cached layer
-  CacheSurvey survey;       ///< that runs; rows are written by its tasks
-  CacheSurvey bias_survey;  ///< of the last stage
-  double stage_begin = 0;   ///< seconds since the job's begin
+  bool layered = false;              ///< the integrator has something to prepare: there is a cached layer
+  double cached_share = 1;           ///< of samples, that should look at the cache (film.h)
+  uint32_t cached_samples_done = 0;  ///< per pixel, of the present epoch
+  CacheSurvey survey;                ///< that runs; rows are written by its tasks
+  CacheSurvey bias_survey;           ///< of the last stage
+  double stage_begin = 0;            ///< seconds since the job's begin
   double survey_begin = 0;
 
   mutable std::mutex mutex;

@@ -32,6 +32,7 @@ struct TileTask {
   uint32_t first_sample = 0;
   uint32_t sample_count = 0;
   uint32_t first_cached_sample = 0;  ///< samples of an older epoch, before this one, leave the cached layer
+  uint32_t cached_sample_count = 0;  ///< the first so many samples look at the cache, <= sample_count
 };
 
 using Task = std::variant<PlanTask, PreparationTask, SurveyTask, TileTask>;

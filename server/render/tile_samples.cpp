@@ -13,6 +13,7 @@ uint64_t add_samples(const TileTask& task, const integrators::Integrator& integr
   uint64_t invalid_samples = 0;
   const bool layered = !film.cached.empty();
   const uint32_t end_sample = task.first_sample + task.sample_count;
+  const uint32_t end_cached = task.first_sample + task.cached_sample_count;
   size_t pixel = 0;
   for (int32_t y = task.window.y; y < task.window.y + task.window.height; ++y) {
     for (int32_t x = task.window.x; x < task.window.x + task.window.width; ++x, ++pixel) {
@@ -23,7 +24,9 @@ uint64_t add_samples(const TileTask& task, const integrators::Integrator& integr
         }
         RandomStream random(seed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), index);
         const Ray ray = camera.sample(static_cast<uint32_t>(x), static_cast<uint32_t>(y), random);
-        const integrators::PixelSample sample = integrator.sample(ray, random, counters);
+        const integrators::PixelSample sample = layered && index >= end_cached
+                                                    ? integrator.sample_without_cache(ray, random, counters)
+                                                    : integrator.sample(ray, random, counters);
         const Spectrum sum = sample.sampled + sample.cached;
         // A single NaN would stay in the pixel for ever. Black is wrong as well, hence the count, which isn't
         // hidden.
@@ -31,7 +34,7 @@ uint64_t add_samples(const TileTask& task, const integrators::Integrator& integr
           ++invalid_samples;
         } else if (layered) {
           film.sampled[pixel].add(index, sample.sampled);
-          film.cached[pixel].add(index, sample.cached);
+          if (index < end_cached) film.cached[pixel].add(index, sample.cached);
         } else {
           film.sampled[pixel].add(index, sum);
         }
@@ -40,6 +43,7 @@ uint64_t add_samples(const TileTask& task, const integrators::Integrator& integr
   }
   film.passes = task.pass + 1;
   film.samples = end_sample;
+  if (layered) film.cached_samples += SampleCounts::of_range(task.first_sample, end_cached);
   return invalid_samples;
 }
 

@@ -66,7 +66,7 @@ class SingleScatteringTest : public ::testing::Test {
     RayCounters counters;
     for (uint32_t pixel = 0; pixel < pixels; ++pixel) {
       RandomStream random(4, pixel, 0, 0);
-      const PixelSample sample = term.sample(segment, medium, epoch.get(), random, counters);
+      const PixelSample sample = term.sample(segment, medium, true, epoch.get(), random, counters);
       for (int c = 0; c < 3; ++c) {
         EXPECT_GE(sample.sampled[c], 0);
         EXPECT_GE(sample.cached[c], 0);

@@ -53,9 +53,9 @@ TEST(Film, HalvesOfARange) {
     for (uint32_t end = first; end < 140; ++end) {
       PixelSums sums;
       for (uint32_t i = first; i < end; ++i) sums.add(i, Spectrum(1));
-      const SampleRange range{first, end};
-      ASSERT_EQ(sums.even.x, range.even_count()) << first << " " << end;
-      ASSERT_EQ(sums.odd.x, range.odd_count()) << first << " " << end;
+      const SampleCounts range = SampleCounts::of_range(first, end);
+      ASSERT_EQ(sums.even.x, range.even) << first << " " << end;
+      ASSERT_EQ(sums.odd.x, range.odd) << first << " " << end;
       ASSERT_LE(std::fabs(sums.even.x - sums.odd.x), 2);
     }
   }
@@ -79,12 +79,36 @@ TEST(Film, NoiseOfAnEdgeFalls) {
   for (int axis = 0; axis < 2; ++axis) EXPECT_LT(noise(256, axis), noise(16, axis) / 5);
 }
 
+// The samples of a pixel are spread better than its halves would be if they were independent: their
+// disagreement tells of too much noise, what is made of it doesn't.
+TEST(Film, NoiseOfSpreadSamples) {
+  constexpr float share = 0.4f;
+  RenderSettings settings = small_settings(64, 64, 64);
+  settings.error = 1e-6;
+  settings.sensor.kind = scene::SensorKind::orthographic;
+  RenderJob job(function_integrator([](const Ray& ray, RandomStream&, RayCounters&) {
+                  const float pixels = 32 * ray.origin.x;  // the film is 2 wide
+                  return Spectrum(pixels - std::floor(pixels) < share ? 1.0f : 0.0f);
+                }),
+                settings);
+  run_to_completion(job, 2);
+  double square = 0;
+  const Image image = job.image();
+  for (const float value : image.rgb) square += sqr(static_cast<double>(value - share));
+  const double error =
+      std::sqrt(square / static_cast<double>(image.rgb.size())) / static_cast<double>(1.1f * share);
+  const ErrorEstimate estimate = job.progress().estimate;
+  // The halves are spread less well than as many samples of the sequence itself, so it stays above the error.
+  EXPECT_GT(estimate.disagreement, 2 * error);
+  EXPECT_GT(estimate.noise.value(), error);
+}
+
 TEST(Film, SumsDoNotLoseSmallSamples) {
   PixelSums sums;
   sums.add(0, Spectrum(1e9f));
   constexpr uint32_t samples = 1u << 20;
   for (uint32_t i = 1; i < samples; ++i) sums.add(i, Spectrum(1.0f));
-  EXPECT_DOUBLE_EQ(sums.mean({0, samples}).x, (1e9 + samples - 1) / samples);
+  EXPECT_DOUBLE_EQ(sums.mean(SampleCounts::of_range(0, samples)).x, (1e9 + samples - 1) / samples);
 }
 
 TEST(Film, PixelsAreFiniteAndNotDenormal) {
@@ -145,7 +169,7 @@ TEST(RelativeNoise, IsNotDecidedByFireflies) {
       tile.sampled[i].add(0, Spectrum(1 + error));
       tile.sampled[i].add(1, Spectrum(1 - error));
     }
-    return relative_noise({&tile});
+    return relative_disagreement({&tile});
   };
   // 1e-6: the squares are floats.
   EXPECT_NEAR(noise(0), 0.125 / 1.1, 1e-6);
