@@ -27,9 +27,10 @@ CLANG_TIDY = Path(sysconfig.get_path("scripts")) / "clang-tidy"
 
 @dataclass(frozen=True)
 class Source:
-    """A translation unit and the hash of all that its findings depend on."""
+    """A translation unit, how it is compiled, and the hash of all that its findings depend on."""
 
     path: Path
+    arguments: tuple[str, ...]
     key: str
 
 
@@ -57,36 +58,55 @@ def object_of(command: str) -> str:
     return words[words.index("-o") + 1]
 
 
+def compile_arguments(command: str) -> tuple[str, ...]:
+    """What of the command says how the source is read: not the compiler, its output, or precompiled headers, which are
+    another compiler's (and without them a source that lacks an #include is found)."""
+    words = shlex.split(command)
+    result: list[str] = []
+    skip = 0
+    for at, word in enumerate(words):
+        if skip > 0:
+            skip -= 1
+        elif word in ("-o", "-c") or (word == "-include" and "cmake_pch" in words[at + 1]):
+            skip = 1
+        elif word.startswith("-") or words[at - 1] in ("-isystem", "-include"):
+            result.append(word)
+    return tuple(result)
+
+
 def sources(build: Path) -> list[Source]:
-    """The project's own translation units; generated ones lie in the build folder and are left out."""
+    """The project's own translation units, each once however many programs it is compiled for (they differ in whether
+    failpoints do anything); generated ones lie in the build folder and are left out."""
     dependencies = dependencies_by_object(build)
     rules = (ROOT / ".clang-tidy").read_bytes()
     version = subprocess.run([CLANG_TIDY, "--version"], capture_output=True, check=True).stdout
     contents: dict[Path, bytes] = {}
-    result = []
+    result: dict[Path, Source] = {}
     for entry in json.loads((build / "compile_commands.json").read_text()):
         path = Path(entry["file"])
-        if path.is_relative_to(build) or not path.is_relative_to(ROOT):
+        if path in result or path.is_relative_to(build) or not path.is_relative_to(ROOT):
             continue
         digest = hashlib.sha256(rules + version + entry["command"].encode())
         for file in sorted({path, *dependencies.get(object_of(entry["command"]), [])}):
             if file not in contents:
                 contents[file] = hashlib.sha256(file.read_bytes()).digest() if file.exists() else b"gone"
             digest.update(str(file).encode() + contents[file])
-        result.append(Source(path, digest.hexdigest()))
-    return result
+        result[path] = Source(path, compile_arguments(entry["command"]), digest.hexdigest())
+    return list(result.values())
 
 
 def tidy(source: Source, build: Path, clean: Path) -> str | None:
     """Findings as text, or None; a clean source leaves its mark."""
-    options = [
-        "--quiet",
-        "-p",
-        str(build),
-        "--extra-arg=-Wno-unknown-warning-option",
-        "--extra-arg=-Wno-deprecated-declarations",
+    # The arguments rather than the database, of which clang-tidy takes every entry of a source.
+    compiling = [
+        *source.arguments,
+        "-Wno-unknown-warning-option",
+        "-Wno-deprecated-declarations",
+        "-Wreserved-identifier",
+        "-Wreserved-macro-identifier",
     ]
-    run = subprocess.run([str(CLANG_TIDY), *options, str(source.path)], capture_output=True, text=True)
+    command = [str(CLANG_TIDY), "--quiet", str(source.path), "--", *compiling]
+    run = subprocess.run(command, capture_output=True, text=True, cwd=build)
     if run.returncode == 0 and not run.stdout.strip():
         (clean / source.key).touch()
         return None
