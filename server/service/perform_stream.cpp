@@ -54,39 +54,10 @@ class PerformStream final : public grpc::ServerWriteReactor<v1::PerformTasksResp
   // PumpedStream
 
   Step step() override {
-    {
-      const std::lock_guard lock(mutex_);
-      if (finished_) return {.state = State::finished, .retry_at = {}};
-      if (!failure_ && cancelled_) failure_ = cancel_status();
-      if (!failure_ && services_.shutting_down) failure_ = shutting_down_status();
-      if (!failure_ && replica_->closed) {
-        failure_ = to_grpc_status({StatusCode::NOT_FOUND,
-                                   "REPLICA_NOT_FOUND",
-                                   "the replica was closed",
-                                   {{"name", replica_name(replica_->id)}}});
-      }
-      if (failure_) stop_ = true;
-    }
-    update_scheduler();
-    const std::lock_guard lock(mutex_);
-    if (writing_) return {.state = State::writing, .retry_at = {}};
-    if (failure_) return finish(*failure_);
-    if (results_.empty()) {
-      if (next_task_ == tasks_.size() && running_ == 0) return finish(grpc::Status::OK);
-      return {.state = State::waiting, .retry_at = Clock::time_point::max()};
-    }
-    const auto& [number, result] = results_.front();
-    set_part(*response_.mutable_part(), tasks_[number], result, offset_);
-    offset_ += response_.part().data().size();
-    if (response_.part().last()) {
-      waiting_bytes_ -= result.bytes.size();
-      offset_ = 0;
-      results_.pop_front();
-    }
-    writing_ = true;
-    write_start_ = Clock::now();
-    StartWrite(&response_);
-    return {.state = State::writing, .retry_at = {}};
+    const Step result = next_step();
+    // Whatever render threads did meanwhile, a finished stream does not stay in the scheduler's list.
+    if (result.state == State::finished) update_scheduler();
+    return result;
   }
 
   void check_stall(Clock::time_point now) override {
@@ -114,6 +85,43 @@ class PerformStream final : public grpc::ServerWriteReactor<v1::PerformTasksResp
   void OnDone() override { self_.reset(); }
 
  private:
+  Step next_step() {
+    {
+      const std::lock_guard lock(mutex_);
+      if (finished_) return {.state = State::finished, .retry_at = {}};
+      if (!failure_ && cancelled_) failure_ = cancel_status();
+      if (!failure_ && services_.shutting_down) failure_ = shutting_down_status();
+      if (!failure_ && replica_->closed) {
+        failure_ = to_grpc_status({StatusCode::NOT_FOUND,
+                                   "REPLICA_NOT_FOUND",
+                                   "the replica was closed",
+                                   {{"name", replica_name(replica_->id)}}});
+      }
+      if (failure_) stop_ = true;
+    }
+    update_scheduler();
+    const std::lock_guard lock(mutex_);
+    if (writing_) return {.state = State::writing, .retry_at = {}};
+    if (failure_) return finish(*failure_);
+    if (results_.empty()) {
+      if (next_task_ == tasks_.size() && running_ == 0)
+        return finish(cancelled_ ? cancel_status() : grpc::Status::OK);
+      return {.state = State::waiting, .retry_at = Clock::time_point::max()};
+    }
+    const auto& [number, result] = results_.front();
+    set_part(*response_.mutable_part(), tasks_[number], result, offset_);
+    offset_ += response_.part().data().size();
+    if (response_.part().last()) {
+      waiting_bytes_ -= result.bytes.size();
+      offset_ = 0;
+      results_.pop_front();
+    }
+    writing_ = true;
+    write_start_ = Clock::now();
+    StartWrite(&response_);
+    return {.state = State::writing, .retry_at = {}};
+  }
+
   template <typename Change>
   void leave_news(Change change) {
     {
@@ -125,7 +133,7 @@ class PerformStream final : public grpc::ServerWriteReactor<v1::PerformTasksResp
 
   /// With `mutex_` held.
   bool has_task() const {
-    return !stop_ && !failure_ && !cancelled_ && next_task_ < tasks_.size() &&
+    return !stop_ && !finished_ && !failure_ && !cancelled_ && next_task_ < tasks_.size() &&
            waiting_bytes_ <= most_waiting_bytes;
   }
 
@@ -157,17 +165,20 @@ class PerformStream final : public grpc::ServerWriteReactor<v1::PerformTasksResp
       const std::lock_guard lock(mutex_);
       wanted = has_task();
     }
-    if (wanted == std::exchange(scheduled_, wanted)) return;
-    if (wanted) {
+    if (wanted && !scheduled_) {
       services_.scheduler.add(shared_from_this());
-    } else {
+    } else if (wanted) {
+      services_.scheduler.wake();  // it may have found no room for a result since the last look
+    } else if (scheduled_) {
       services_.scheduler.remove(*this);
     }
+    scheduled_ = wanted;
   }
 
   /// With `mutex_` held and no write outstanding.
   Step finish(const grpc::Status& status) {
     finished_ = true;
+    stop_ = true;  // nobody waits for what still runs
     Finish(status);
     return {.state = State::finished, .retry_at = {}};
   }
