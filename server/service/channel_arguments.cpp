@@ -18,6 +18,8 @@ std::span<const ChannelArgument> channel_arguments() {
       {"grpc.http2.lookahead_bytes", 1 << 20, false, true,
        "receive window of a stream: 10 MB/s of upload at 100 ms round trip, and the most that a client whose "
        "points or files can't be worked on at once makes the server hold"},
+      {"grpc.server_handshake_timeout_ms", 20000, false, true,
+       "a caller that has not got as far as HTTP/2 by then is hung up on; the library waits 2 minutes"},
       {"grpc.max_concurrent_streams", 1100, false, true, "streams of one connection"},
   };
   return table;

@@ -38,6 +38,10 @@ namespace fs = std::filesystem;
 
 namespace {
 
+/// What all connections together may have received and not yet handed on; a thousand stalled watchers need 40
+/// MiB.
+constexpr size_t connection_bytes = size_t{256} << 20;
+
 /// This gRPC version never accepts again once descriptors have run out, so there should be many.
 void raise_descriptor_limit() {
   rlimit limit{};
@@ -217,6 +221,8 @@ Server::Server(const ServerOptions& options, ReaderHost& readers) {
   int port = 0;
   builder.AddListeningPort(address.target, credentials, &port);
   builder.SetMaxReceiveMessageSize(static_cast<int>(limits::max_request_bytes));
+  // This gRPC version refuses a message that is too large only once it has all of it.
+  builder.SetResourceQuota(grpc::ResourceQuota("connections").Resize(connection_bytes));
   for (const ChannelArgument& argument : channel_arguments()) {
     if (argument.server) builder.AddChannelArgument(argument.name, argument.value);
   }

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import shutil
 import socket
 import subprocess
 import sys
@@ -19,6 +17,7 @@ from fogbank import RenderOptions, farm
 
 from tests.farm.conftest import Record
 from tests.farm.scenes import PATHS, RECORDS, assert_same_pictures, write_scene
+from tests.service.networks import other_host
 
 pytestmark = pytest.mark.farm
 
@@ -26,9 +25,7 @@ DASK = Path(sys.executable).parent / "dask"
 OPTIONS = RenderOptions(**{**PATHS, "size": (320, 160), "spp": 12})
 
 # Two hosts side by side, joined by a cable of so many bits per second.
-NAMESPACE = "fogbank-farm"
 LINK_RATE = "200mbit"
-HERE, THERE = "10.213.7.1", "10.213.7.2"
 
 
 @contextlib.contextmanager
@@ -108,50 +105,18 @@ def test_a_scheduler_that_is_started_again(service: fogbank.Service, tmp_path: P
     record("batches lost with the scheduler", job.farm.lost, "")
 
 
-def ip(*arguments: str) -> None:
-    """Runs `ip`; raises CalledProcessError where it is not allowed."""
-    subprocess.run(["ip", *arguments], check=True, capture_output=True)
-
-
-@contextlib.contextmanager
-def other_host() -> Iterator[None]:
-    """A network namespace with an address of its own behind a slow cable."""
-    if os.geteuid() != 0 or shutil.which("ip") is None or shutil.which("tc") is None:
-        pytest.skip("NOT TESTED: network namespaces need root, ip and tc")
-    try:
-        ip("netns", "add", NAMESPACE)
-    except subprocess.CalledProcessError as error:
-        pytest.skip(f"NOT TESTED: no network namespaces here: {error.stderr.decode().strip()}")
-    try:
-        try:
-            ip("link", "add", "fogbank0", "type", "veth", "peer", "name", "fogbank1", "netns", NAMESPACE)
-            ip("addr", "add", f"{HERE}/30", "dev", "fogbank0")
-            ip("link", "set", "fogbank0", "up")
-            ip("-n", NAMESPACE, "addr", "add", f"{THERE}/30", "dev", "fogbank1")
-            ip("-n", NAMESPACE, "link", "set", "fogbank1", "up")
-            ip("-n", NAMESPACE, "link", "set", "lo", "up")
-            limit = ("root", "tbf", "rate", LINK_RATE, "burst", "64kb", "latency", "50ms")
-            subprocess.run(["tc", "qdisc", "add", "dev", "fogbank0", *limit], check=True, capture_output=True)
-            inside = ("ip", "netns", "exec", NAMESPACE, "tc", "qdisc", "add", "dev", "fogbank1", *limit)
-            subprocess.run(inside, check=True, capture_output=True)
-        except subprocess.CalledProcessError as error:
-            pytest.skip(f"NOT TESTED: no slow link here: {error.stderr.decode().strip()}")
-        yield
-    finally:
-        ip("netns", "del", NAMESPACE)
-
-
 @pytest.mark.parametrize("options", [OPTIONS, RECORDS], ids=["tiles", "records"])
 def test_workers_behind_a_slow_link(
     service: fogbank.Service, tmp_path: Path, record: Record, options: RenderOptions
 ) -> None:
-    with other_host(), contextlib.ExitStack() as stack:
+    with other_host("fogbank-farm", "10.213.7") as cable, contextlib.ExitStack() as stack:
+        cable.limit(LINK_RATE)
         port = free_port()
-        address = f"tcp://{HERE}:{port}"
-        stack.enter_context(running(*scheduler(port, "--host", HERE)))
-        there = worker(address, tmp_path / "there", "--host", THERE)
-        stack.enter_context(running("ip", "netns", "exec", NAMESPACE, *there))
-        stack.enter_context(running(*worker(address, tmp_path / "here", "--host", HERE)))
+        address = f"tcp://{cable.here}:{port}"
+        stack.enter_context(running(*scheduler(port, "--host", cable.here)))
+        there = worker(address, tmp_path / "there", "--host", cable.there)
+        stack.enter_context(running(*cable.inside(*map(str, there))))
+        stack.enter_context(running(*worker(address, tmp_path / "here", "--host", cable.here)))
         client = stack.enter_context(farm.scheduler_client(address))
         client.wait_for_workers(2)
         began = time.monotonic()
@@ -160,7 +125,7 @@ def test_workers_behind_a_slow_link(
         record(f"one of two workers behind {LINK_RATE}", time.monotonic() - began, "s")
         job.join_farm()
     assert_same_pictures(image, alone(tmp_path, options))
-    assert sum(f"//{THERE}:" in address for address in job.farm.workers) == 1
+    assert sum(f"//{cable.there}:" in address for address in job.farm.workers) == 1
 
 
 def test_scheduler_and_workers_with_certificates(service: fogbank.Service, tmp_path: Path) -> None:

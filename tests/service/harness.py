@@ -168,15 +168,19 @@ class Server:
         binary: Path | None = None,
         environment: Mapping[str, str] | None = None,
         descriptors: int | None = None,
+        within: Sequence[str] = (),
     ) -> None:
-        """Starts it and waits until it is ready; `descriptors` limits those that it may have open."""
+        """Starts it and waits until it is ready.
+
+        `descriptors` limits those that it may have open; `within` is a command that becomes the server, elsewhere.
+        """
         self.data = data
         data.mkdir(parents=True, exist_ok=True)
         port_file = data / "port"
         port_file.unlink(missing_ok=True)
         self.log_path = data / "log"
         limit = () if descriptors is None else ("prlimit", f"--nofile={descriptors}:{descriptors}")
-        command: list[str | Path] = [*limit, binary or server_binary(), "--listen", listen, "--data", data]
+        command: list[str | Path] = [*within, *limit, binary or server_binary(), "--listen", listen, "--data", data]
         with self.log_path.open("ab") as log:
             self.process = subprocess.Popen(
                 [*command, "--port-file", port_file, *arguments],
