@@ -10,9 +10,8 @@ import contextlib
 import queue
 import time
 import uuid
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from distributed import Future
@@ -24,21 +23,16 @@ from fogbank.farm.costs import Costs
 from fogbank.farm.crew import SCHEDULER_ERRORS, Crew
 from fogbank.farm.errors import FarmError
 from fogbank.farm.job_log import JobLog
-from fogbank.farm.parcels import Batch, BatchResult, JobIdentity, TaskKind
+from fogbank.farm.parcels import Batch, BatchResult, JobIdentity
 from fogbank.farm.plugin import cancel_batches, close_replicas, perform
 from fogbank.farm.scene_parcel import SceneParcel
+from fogbank.farm.stage import RunningBatch, Stage, kind_of, number_of
 from fogbank.farm.statistics import FarmStatistics, StageStatistics
 
 # Batches that a worker's thread has at once: one that is performed, and one that is on its way meanwhile.
 _BATCHES_PER_SLOT = 2
 
-# Tasks and bytes of a batch's request; the wire takes 4 MiB.
-_MOST_BATCH_BYTES = 3 << 20
 _MOST_LEASED_TASKS = 1000
-
-# A batch that takes this many times as long as it should, and at least so long, is given to another worker as well.
-_STRAGGLING_FACTOR = 4.0
-_STRAGGLING_SECONDS = 2.0
 
 # How often workers are counted and stragglers looked for.
 _TICK_SECONDS = 0.5
@@ -49,42 +43,10 @@ _MOST_POISONED = 3
 # Batches of a task that took their workers with them; what kills that many workers is the task.
 _MOST_DEATHS = 20
 
-_KINDS: dict[int, TaskKind] = {
-    farm_pb2.TASK_KIND_PREPARATION: "preparation",
-    farm_pb2.TASK_KIND_SURVEY: "survey",
-    farm_pb2.TASK_KIND_TILE: "tile",
-}
 _ENDED = (render_pb2.JOB_STATE_SUCCEEDED, render_pb2.JOB_STATE_FAILED, render_pb2.JOB_STATE_CANCELLED)
 
 
-@dataclass
-class _Running:
-    """A batch that was submitted."""
-
-    batch: Batch
-    future: Future[BatchResult]
-    tasks: dict[TaskNumber, farm_pb2.LeasedTask]
-    submitted: float
-    expected: float | None
-    """Seconds that it should take once it runs; None while nothing is known of such tasks."""
-
-    second: bool = False
-    """Whether it was given to a second worker, or is what the second one was given."""
-
-
-@dataclass
-class _Stage:
-    """What is known of the job's present stage."""
-
-    number: int = 0
-    tasks: int = 0
-    log_length: int = 0
-    leased: int = 0
-    begun: float = 0.0
-    pending: deque[farm_pb2.LeasedTask] = field(default_factory=deque)
-
-
-_Event: TypeAlias = "farm_pb2.LeaseTasksResponse | JobEnded | _Running"
+_Event: TypeAlias = "farm_pb2.LeaseTasksResponse | JobEnded | RunningBatch"
 
 
 class Coordinator:
@@ -112,8 +74,8 @@ class Coordinator:
         self._events: queue.Queue[_Event] = queue.Queue()
         self._leasing = False
         self._log: JobLog | None = None
-        self._stage = _Stage()
-        self._running: dict[str, _Running] = {}
+        self._stage = Stage()
+        self._running: dict[str, RunningBatch] = {}
         self._wanted: dict[TaskNumber, farm_pb2.LeasedTask] = {}
         self._deaths: Counter[TaskNumber] = Counter()
         self._has_scene: set[str] = set()
@@ -155,7 +117,7 @@ class Coordinator:
                 if event.state in _ENDED:
                     return False
                 self._take(event)
-        done = [event for event in events if isinstance(event, _Running)]
+        done = [event for event in events if isinstance(event, RunningBatch)]
         if done:
             self._complete(done)
         now = time.monotonic()
@@ -175,29 +137,26 @@ class Coordinator:
             self.statistics.log_bytes += self._log.bytes - before
             self.statistics.stages[-1].log_bytes += self._log.bytes - before
         for task in response.tasks:
-            number = (task.stage, task.index)
-            if number in self._wanted:
-                continue
-            self._wanted[number] = task
-            self._stage.leased += 1
-            self._stage.pending.append(task)
+            if number_of(task) not in self._wanted:
+                self._wanted[number_of(task)] = task
+                self._stage.add(task)
 
     def _begin_log(self, log: str) -> None:
         """The job has begun, or begun again after its server did: nothing of before counts."""
         self._drop(list(self._running.values()))
         self._wanted.clear()
         self._log_lengths.clear()
-        self._stage = _Stage()
+        self._stage = Stage()
         self.statistics.stages.clear()
         self._log = JobLog(self._connection, self._job.name, log)
 
     def _begin_stage(self, response: farm_pb2.LeaseTasksResponse) -> None:
-        self._drop([running for running in self._running.values() if min(running.tasks)[0] < response.stage])
+        self._drop([running for running in self._running.values() if running.stage < response.stage])
         self._wanted = {number: task for number, task in self._wanted.items() if number[0] >= response.stage}
-        now = time.monotonic()
+        following = Stage(response.stage, response.stage_tasks, response.log_length)
         if self.statistics.stages:
-            self.statistics.stages[-1].seconds = now - self._stage.begun
-        self._stage = _Stage(response.stage, response.stage_tasks, response.log_length, begun=now)
+            self.statistics.stages[-1].seconds = following.begun - self._stage.begun
+        self._stage = following
         self.statistics.stages.append(StageStatistics(number=response.stage, tasks=response.stage_tasks))
 
     def _appetite(self) -> int:
@@ -206,37 +165,25 @@ class Coordinator:
         size = 1 if known is None else self._costs.batch_size("tile", slots=slots, left=_MOST_LEASED_TASKS)
         return min(_MOST_LEASED_TASKS, 2 * _BATCHES_PER_SLOT * slots * max(size, 4))
 
-    def _feed(self, leases: Leases[_Running]) -> None:
+    def _feed(self, leases: Leases[RunningBatch]) -> None:
         """Submits batches while there is room, and asks for tasks when those at hand run low."""
         room = _BATCHES_PER_SLOT * max(self._crew.slots, 1)
         while self._stage.pending and len(self._running) < room and self._crew.good:
-            tasks = self._next_batch()
+            tasks = self._stage.take_batch(self._costs, self._crew.slots)
             try:
                 self._submit(tasks)
             except SCHEDULER_ERRORS:
-                self._stage.pending.extendleft(reversed(tasks))
+                self._stage.give_back(tasks)
                 self._reconnect()
         if not self._leasing and len(self._stage.pending) <= room // 2:
             self._leasing = True
             leases.ask(self._appetite())
 
-    def _next_batch(self) -> list[farm_pb2.LeasedTask]:
-        pending = self._stage.pending
-        kind = _kind(pending[0])
-        left = len(pending) + self._stage.tasks - self._stage.leased
-        size = self._costs.batch_size(kind, slots=self._crew.slots, left=left)
-        tasks: list[farm_pb2.LeasedTask] = []
-        weight = 0
-        while pending and len(tasks) < size and (not tasks or weight + len(pending[0].input) <= _MOST_BATCH_BYTES):
-            weight += len(pending[0].input)
-            tasks.append(pending.popleft())
-        return tasks
-
     def _submit(
         self, tasks: Sequence[farm_pb2.LeasedTask], *, workers: Sequence[str] | None = None, second: bool = False
     ) -> None:
         assert self._log is not None
-        kind = _kind(tasks[0])
+        kind = kind_of(tasks[0])
         number = f"{kind}-{uuid.uuid4().hex}"
         identity = JobIdentity(
             job=self._job.name,
@@ -260,11 +207,10 @@ class Coordinator:
             perform, batch, log, files, key=f"fogbank_{number}", pure=False, workers=workers or self._crew.allowed()
         )
         known = self._costs.seconds(kind)
-        running = _Running(
+        running = RunningBatch(
             batch,
             future,
-            {(task.stage, task.index): task for task in tasks},
-            time.monotonic(),
+            {number_of(task): task for task in tasks},
             None if known is None else known * len(tasks),
             second,
         )
@@ -272,7 +218,7 @@ class Coordinator:
         self.statistics.count_batch(kind, self._stage.number, sum(len(task.input) for task in tasks))
         future.add_done_callback(lambda _: self._events.put(running))
 
-    def _complete(self, done: Sequence[_Running]) -> None:
+    def _complete(self, done: Sequence[RunningBatch]) -> None:
         mine = [running for running in done if self._running.pop(running.batch.number, None) is not None]
         finished = {running.batch.number: running.future for running in mine if running.future.status == "finished"}
         results = self._crew.gather(finished)
@@ -281,7 +227,7 @@ class Coordinator:
         if lost:
             self._recover(lost)
 
-    def _hand_in(self, results: Sequence[tuple[_Running, BatchResult]]) -> None:
+    def _hand_in(self, results: Sequence[tuple[RunningBatch, BatchResult]]) -> None:
         whose: dict[TaskNumber, str] = {}
         parts: list[farm_pb2.TaskResultPart] = []
         for running, result in results:
@@ -309,7 +255,7 @@ class Coordinator:
         # Of a batch that two workers had, the second one's is of no more use.
         self._drop([running for running in self._running.values() if self._wanted.keys().isdisjoint(running.tasks)])
 
-    def _learn(self, running: _Running, result: BatchResult) -> None:
+    def _learn(self, running: RunningBatch, result: BatchResult) -> None:
         """Takes note of what the worker has, and of what its tasks cost."""
         worker = result.worker
         if result.lacks == "scene":
@@ -329,19 +275,17 @@ class Coordinator:
         seconds = sum(part.cpu_seconds for part in ends)
         self._costs.learn(running.batch.kind, seconds, len(ends))
         size = sum(len(data) for data in result.parts)
-        self.statistics.count_results(running.batch.kind, min(running.tasks)[0], worker, len(ends), seconds, size)
+        self.statistics.count_results(running.batch.kind, running.stage, worker, len(ends), seconds, size)
 
-    def _put_back(self, running: _Running) -> None:
+    def _put_back(self, running: RunningBatch) -> None:
         """What the batch brought no good result of is done again, unless another batch is at it."""
-        if min(running.tasks)[0] != self._stage.number or (self._log and running.batch.identity.log != self._log.id):
+        if running.stage != self._stage.number or (self._log and running.batch.identity.log != self._log.id):
             return
         elsewhere = {number for other in self._running.values() for number in other.tasks}
-        queued = {(task.stage, task.index) for task in self._stage.pending}
-        for number, task in running.tasks.items():
-            if number in self._wanted and number not in elsewhere and number not in queued:
-                self._stage.pending.appendleft(task)
+        lacking = self._wanted.keys() - elsewhere
+        self._stage.put_back(task for number, task in running.tasks.items() if number in lacking)
 
-    def _recover(self, lost: Sequence[_Running]) -> None:
+    def _recover(self, lost: Sequence[RunningBatch]) -> None:
         """Batches that Dask gave up: their workers died again and again, or the scheduler is another one."""
         self.statistics.lost += len(lost)
         for running in lost:
@@ -372,13 +316,7 @@ class Coordinator:
     def _look_around(self, now: float) -> None:
         """Counts workers; when nothing is left to hand out, gives what takes too long to one that has nothing to do."""
         self._crew.count()
-        late = [
-            running
-            for running in self._running.values()
-            if running.expected is not None
-            and not running.second
-            and now - running.submitted > max(_STRAGGLING_SECONDS, _STRAGGLING_FACTOR * running.expected)
-        ]
+        late = [running for running in self._running.values() if running.late(now)]
         if self._stage.pending or not late:
             return
         where = self._crew.processing()
@@ -392,7 +330,7 @@ class Coordinator:
             with contextlib.suppress(*SCHEDULER_ERRORS):
                 self._submit(tasks, workers=idle, second=True)
 
-    def _drop(self, unwanted: Sequence[_Running]) -> None:
+    def _drop(self, unwanted: Sequence[RunningBatch]) -> None:
         """Cancels batches, and stops those that are being performed."""
         if not unwanted:
             return
@@ -400,7 +338,3 @@ class Coordinator:
             self._running.pop(running.batch.number, None)
         self._crew.cancel([running.future for running in unwanted])
         self._crew.run(cancel_batches, [running.batch.number for running in unwanted])
-
-
-def _kind(task: farm_pb2.LeasedTask) -> TaskKind:
-    return _KINDS.get(task.kind, "preparation")
