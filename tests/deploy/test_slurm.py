@@ -1,4 +1,4 @@
-"""The Slurm script, submitted to a Slurm of one node that the test starts: `make test-deploy`.
+"""The Slurm script, and workers that Dask submits, in a Slurm of one node that the test starts: `make test-deploy`.
 
 Needs Debian's slurmctld, slurmd, slurm-client and munge, which are in no package list: they would start as services.
 """
@@ -6,6 +6,7 @@ Needs Debian's slurmctld, slurmd, slurm-client and munge, which are in no packag
 from __future__ import annotations
 
 import getpass
+import json
 import os
 import re
 import socket
@@ -107,6 +108,30 @@ def test_script_renders(slurm: dict[str, str], tmp_path: Path) -> None:
     assert re.search(r"Submitted batch job \d+", submitted.stdout)
     assert not list(tmp_path.glob("fogbank-farm-*"))
     fogbank = REPOSITORY / ".venv" / "bin" / "fogbank"
+    alone = run(fogbank, "render", str(scene), *options, "-o", "alone.exr", cwd=tmp_path)
+    assert alone.returncode == 0, alone.stderr
+    assert np.array_equal(image_error.read(tmp_path / "farm.exr"), image_error.read(tmp_path / "alone.exr"))
+
+
+def test_workers_that_dask_asks_slurm_for(slurm: dict[str, str], tmp_path: Path) -> None:
+    """`--slurm FILE`: dask-jobqueue submits the workers, and takes them back when the picture is there."""
+    scene = REPOSITORY / "scenes" / "penumbra" / "penumbra.xml"
+    options = ["--spp", "4", "--size", "64x64", "--integrator", "volpath"]
+    (tmp_path / "slurm.yaml").write_text("cores: 1\nmemory: 1GiB\nwalltime: '00:10:00'\ninterface: lo\n")
+    fogbank = REPOSITORY / ".venv" / "bin" / "fogbank"
+    farmed = run(
+        fogbank, "farm", "render", str(scene), *options, "-o", "farm.exr", "--slurm", "slurm.yaml", "--workers", "2",
+        "--json", cwd=tmp_path, env={**slurm, "XDG_CACHE_HOME": str(tmp_path / "cache")},
+    )  # fmt: skip
+    logs = "".join(log.read_text() for log in tmp_path.glob("slurm-*.out"))
+    assert farmed.returncode == 0, farmed.stderr + logs
+    told = [json.loads(line) for line in farmed.stdout.splitlines()]
+    assert next(event for event in told if event["event"] == "cluster")["scheduler"].startswith("tls://")
+    assert next(event for event in told if event["event"] == "farm")["kinds"]["tile"]["tasks"] > 0
+    end = time.monotonic() + PATIENCE_SECONDS
+    while run(tool("squeue"), "--noheader", env=slurm).stdout.strip():
+        assert time.monotonic() < end, "jobs of workers are left"
+        time.sleep(0.5)
     alone = run(fogbank, "render", str(scene), *options, "-o", "alone.exr", cwd=tmp_path)
     assert alone.returncode == 0, alone.stderr
     assert np.array_equal(image_error.read(tmp_path / "farm.exr"), image_error.read(tmp_path / "alone.exr"))

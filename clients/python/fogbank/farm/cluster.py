@@ -110,7 +110,10 @@ def scheduler_client(address: str, tls: SchedulerTls | None = None) -> Iterator[
 
 @contextmanager
 def slurm_cluster(file: Path, workers: int) -> Iterator[Client]:
-    """Workers that Slurm starts as jobs.
+    """Workers that Slurm starts as jobs, one worker with all cores of a job.
+
+    They talk by TLS with certificates made for the occasion, which lie for that time in the current folder, or in
+    `shared_temp_directory`: all nodes must see it.
 
     Args:
         file: YAML with the arguments of `dask_jobqueue.SLURMCluster`: cores, memory, queue, walltime...
@@ -120,9 +123,17 @@ def slurm_cluster(file: Path, workers: int) -> Iterator[Client]:
     """
     from dask_jobqueue import SLURMCluster
 
-    with SLURMCluster(**_arguments(file)) as cluster:
+    arguments = _arguments(file)
+    # Without it whoever reaches the port runs what they like, as this user.
+    arguments.setdefault("security", True)
+    arguments.setdefault("shared_temp_directory", str(Path.cwd()))
+    # One server for each job, so that the scene is there once.
+    arguments.setdefault("processes", 1)
+    arguments["job_script_prologue"] = [*_worker_environment(), *arguments.get("job_script_prologue", [])]
+    with SLURMCluster(**arguments) as cluster:
         cluster.scale(jobs=workers)
         with Client(cluster, set_as_default=False) as client:
+            client.wait_for_workers(1)
             yield client
 
 
@@ -144,7 +155,16 @@ def kubernetes_cluster(file: Path, workers: int) -> Iterator[Client]:
     with KubeCluster(**arguments) as cluster:
         cluster.scale(workers)
         with Client(cluster, set_as_default=False) as client:
+            client.wait_for_workers(1)
             yield client
+
+
+def _worker_environment() -> list[str]:
+    """The settings of workers as lines of a shell, by which Dask takes them."""
+    return [
+        f"export DASK_{name.upper().replace('.', '__').replace('-', '_')}={value}"
+        for name, value in _WORKER_SETTINGS.items()
+    ]
 
 
 def _arguments(file: Path) -> dict[str, Any]:
