@@ -120,7 +120,7 @@ def main() -> None:
             cpus.setdefault(name, []).append(total)
             parts = ", ".join(f"{kind} {seconds:.1f}" for kind, seconds in spent.cpu_seconds.items())
             print(f"{name}: {spent.seconds:.1f} s wall, {total:.1f} s CPU ({parts}), load {load:.1f} before")
-        np.testing.assert_array_equal(*pictures)
+        np.testing.assert_array_equal(pictures[0], pictures[1])
     for what, figures in (("wall", walls), ("CPU", cpus)):
         ratio = statistics.median(figures["farm"]) / statistics.median(figures["one server"])
         print(f"farm / one server, {what}: {ratio:.3f}")

@@ -3,12 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import fogbank
 import pytest
+from fogbank import RenderOptions
 from fogbank.paths import server_binary
 
+from tests.farm.scenes import write_scene
+
 Record = Callable[[str, float, str], None]
+
+
+@dataclass(frozen=True)
+class Alone:
+    """What a server makes that has no farm, and an empty cache."""
+
+    image: fogbank.Image
+    """The picture."""
+
+    records: int
+    """That it made for it."""
+
+
+Expected = Callable[[RenderOptions], Alone]
 
 _FIGURES = pytest.StashKey[list[tuple[str, str, float, str]]]()
 
@@ -53,6 +71,25 @@ def own_folders(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Mo
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
     for variable in ("FOGBANK_DATA", "FOGBANK_SERVER", "FOGBANK_SCHEDULER"):
         monkeypatch.delenv(variable, raising=False)
+
+
+@pytest.fixture(scope="session")
+def expected(tmp_path_factory: pytest.TempPathFactory) -> Expected:
+    """Pictures of the scene as one server makes them, each made once."""
+    known: dict[str, Alone] = {}
+
+    def alone(options: RenderOptions) -> Alone:
+        key = repr(sorted(options.items()))
+        if key not in known:
+            folder = tmp_path_factory.mktemp("alone")
+            with fogbank.connect(data=folder / "data", threads=2) as service:
+                job = service.load(write_scene(folder / "scene")).render(**options)
+                image = job.result()
+                assert job.statistics is not None
+                known[key] = Alone(image, job.statistics.records_new)
+        return known[key]
+
+    return alone
 
 
 @pytest.fixture

@@ -54,6 +54,9 @@ RECORDS = RenderOptions(
 )
 BEAMS = RenderOptions(integrator="photon-beams", size=(64, 40), spp=3, tile_size=16, pixel_type="float")
 
+# 200 tiles.
+TILES = RenderOptions(**{**PATHS, "size": (320, 160), "spp": 12})
+
 
 def assert_same_pictures(one: fogbank.Image, other: fogbank.Image) -> None:
     """Every channel the same, bit for bit."""

@@ -13,7 +13,7 @@ from fogbank import RenderOptions, farm
 from fogbank.farm.coordinator import Coordinator
 from fogbank.farm.costs import BATCH_SECONDS, HANDLING_SECONDS, Costs
 
-from tests.farm.conftest import Record
+from tests.farm.conftest import Expected, Record
 from tests.farm.scenes import BEAMS, PATHS, RECORDS, assert_same_pictures, write_scene
 
 
@@ -26,29 +26,25 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
             yield client
 
 
-def alone(tmp_path: Path, scene: Path, options: RenderOptions) -> tuple[fogbank.Image, int]:
-    """The picture by a server that has no farm and an empty cache, and the records that it made."""
-    with fogbank.connect(data=tmp_path / "alone", threads=2) as service:
-        job = service.load(scene).render(**options)
-        image = job.result()
-        assert job.statistics is not None
-        return image, job.statistics.records_new
-
-
 @pytest.mark.parametrize("options", [PATHS, RECORDS, BEAMS], ids=["volpath", "radiance-cache", "photon-beams"])
 def test_a_farm_makes_the_pictures_of_one_machine(
-    service: fogbank.Service, cluster: Client, tmp_path: Path, record: Record, options: RenderOptions
+    service: fogbank.Service,
+    cluster: Client,
+    tmp_path: Path,
+    expected: Expected,
+    record: Record,
+    options: RenderOptions,
 ) -> None:
     path = write_scene(tmp_path / "scene")
     job = farm.render(service.load(path), cluster, **options)
     tiles = list(job.tiles())
     image = job.result()
     job.join_farm()
-    expected, records = alone(tmp_path, path, options)
-    assert_same_pictures(image, expected)
+    alone = expected(options)
+    assert_same_pictures(image, alone.image)
     assert tiles
     assert job.statistics is not None
-    assert job.statistics.records_new == records
+    assert job.statistics.records_new == alone.records
     statistics = job.farm
     assert statistics.poisoned == statistics.lost == 0
     assert statistics.kinds["tile"].tasks > 0
@@ -56,8 +52,8 @@ def test_a_farm_makes_the_pictures_of_one_machine(
         if figures.tasks:
             moved = figures.input_bytes + figures.result_bytes
             record(f"bytes moved for each {kind} task", moved / figures.tasks, "B")
-    if records:
-        record("bytes of the log for each record", statistics.log_bytes / records, "B")
+    if alone.records:
+        record("bytes of the log for each record", statistics.log_bytes / alone.records, "B")
 
 
 def test_records_that_are_there_are_sent(service: fogbank.Service, cluster: Client, tmp_path: Path) -> None:

@@ -15,14 +15,13 @@ import fogbank
 import pytest
 from fogbank import RenderOptions, farm
 
-from tests.farm.conftest import Record
-from tests.farm.scenes import PATHS, RECORDS, assert_same_pictures, write_scene
+from tests.farm.conftest import Expected, Record
+from tests.farm.scenes import PATHS, RECORDS, TILES, assert_same_pictures, write_scene
 from tests.service.networks import other_host
 
 pytestmark = pytest.mark.farm
 
 DASK = Path(sys.executable).parent / "dask"
-OPTIONS = RenderOptions(**{**PATHS, "size": (320, 160), "spp": 12})
 
 # Two hosts side by side, joined by a cable of so many bits per second.
 LINK_RATE = "200mbit"
@@ -77,13 +76,9 @@ def worker(address: str, folder: Path, *arguments: str) -> Sequence[str | Path]:
     return (DASK, "worker", address, *own, *arguments)
 
 
-def alone(tmp_path: Path, options: RenderOptions) -> fogbank.Image:
-    """The picture without a farm."""
-    with fogbank.connect(data=tmp_path / "alone", threads=2) as service:
-        return service.load(write_scene(tmp_path / "scene")).render(**options).result()
-
-
-def test_a_scheduler_that_is_started_again(service: fogbank.Service, tmp_path: Path, record: Record) -> None:
+def test_a_scheduler_that_is_started_again(
+    service: fogbank.Service, tmp_path: Path, expected: Expected, record: Record
+) -> None:
     port = free_port()
     address = f"tcp://127.0.0.1:{port}"
     with contextlib.ExitStack() as stack:
@@ -92,7 +87,7 @@ def test_a_scheduler_that_is_started_again(service: fogbank.Service, tmp_path: P
             stack.enter_context(looked_after(*worker(address, tmp_path / str(number))))
         client = stack.enter_context(farm.scheduler_client(address))
         client.wait_for_workers(2)
-        job = farm.render(service.load(write_scene(tmp_path / "scene")), client, **OPTIONS)
+        job = farm.render(service.load(write_scene(tmp_path / "scene")), client, **TILES)
         while job.refresh().progress.fraction < 0.2:
             time.sleep(0.05)
         first.kill()
@@ -100,14 +95,14 @@ def test_a_scheduler_that_is_started_again(service: fogbank.Service, tmp_path: P
         stack.enter_context(running(*scheduler(port, "--host", "127.0.0.1")))
         image = job.result()
         job.join_farm()
-    assert_same_pictures(image, alone(tmp_path, OPTIONS))
+    assert_same_pictures(image, expected(TILES).image)
     assert job.farm.lost > 0
     record("batches lost with the scheduler", job.farm.lost, "")
 
 
-@pytest.mark.parametrize("options", [OPTIONS, RECORDS], ids=["tiles", "records"])
+@pytest.mark.parametrize("options", [TILES, RECORDS], ids=["tiles", "records"])
 def test_workers_behind_a_slow_link(
-    service: fogbank.Service, tmp_path: Path, record: Record, options: RenderOptions
+    service: fogbank.Service, tmp_path: Path, expected: Expected, record: Record, options: RenderOptions
 ) -> None:
     with other_host("fogbank-farm", "10.213.7") as cable, contextlib.ExitStack() as stack:
         cable.limit(LINK_RATE)
@@ -124,11 +119,10 @@ def test_workers_behind_a_slow_link(
         image = job.result()
         record(f"one of two workers behind {LINK_RATE}", time.monotonic() - began, "s")
         job.join_farm()
-    assert_same_pictures(image, alone(tmp_path, options))
-    assert sum(f"//{cable.there}:" in address for address in job.farm.workers) == 1
+@pytest.mark.parametrize("options", [TILES, RECORDS], ids=["tiles", "records"])
 
 
-def test_scheduler_and_workers_with_certificates(service: fogbank.Service, tmp_path: Path) -> None:
+def test_scheduler_and_workers_with_certificates(service: fogbank.Service, tmp_path: Path, expected: Expected) -> None:
     from distributed import Security
 
     made = Security.temporary()
@@ -148,7 +142,7 @@ def test_scheduler_and_workers_with_certificates(service: fogbank.Service, tmp_p
         job = farm.render(service.load(write_scene(tmp_path / "scene")), client, **PATHS)
         image = job.result()
         job.join_farm()
-    assert_same_pictures(image, alone(tmp_path, PATHS))
+    assert_same_pictures(image, expected(PATHS).image)
 
 
 def test_addresses_and_certificates_belong_together(tmp_path: Path) -> None:

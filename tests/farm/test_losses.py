@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import random
 import signal
@@ -18,33 +19,31 @@ from fogbank._generated.v1 import farm_pb2
 from fogbank.channel import Connection
 from fogbank.farm import coordinator
 from fogbank.farm.coordination import TaskNumber, hand_in
+from fogbank.farm.engine import Engine
+from fogbank.farm.plugin import NAME, FarmPlugin
 
-from tests.farm.conftest import Record
-from tests.farm.scenes import PATHS, RECORDS, assert_same_pictures, write_scene
+from tests.farm.conftest import Expected, Record
+from tests.farm.scenes import PATHS, RECORDS, TILES, assert_same_pictures, write_scene
 
 pytestmark = pytest.mark.farm
 
-# 200 tiles.
-TILES = RenderOptions(**{**PATHS, "size": (320, 160), "spp": 12})
 ROUNDS = RenderOptions(**{**RECORDS, "size": (96, 64), "error": 0.1, "spp": 32})
 
 KILL_SECONDS = 2.0
 
 
-@pytest.fixture(scope="module")
-def expected(tmp_path_factory: pytest.TempPathFactory) -> Callable[[RenderOptions], fogbank.Image]:
-    """Pictures by a server without a farm and with an empty cache, each made once."""
-    known: dict[str, fogbank.Image] = {}
+@pytest.fixture(scope="module", params=[1, 2, 4], ids=["1-worker", "2-workers", "4-workers"])
+def cluster(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
+    """Workers of one thread; the tests that ask for the same number share them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("workers")))
+        with farm.local_cluster(request.param) as client:
+            yield client
 
-    def picture(options: RenderOptions) -> fogbank.Image:
-        key = repr(sorted(options.items()))
-        if key not in known:
-            folder = tmp_path_factory.mktemp("alone")
-            with fogbank.connect(data=folder / "data", threads=2) as service:
-                known[key] = service.load(write_scene(folder / "scene")).render(**options).result()
-        return known[key]
 
-    return picture
+def workers(number: int) -> pytest.MarkDecorator:
+    """Asks for a cluster of so many workers."""
+    return pytest.mark.parametrize("cluster", [number], indirect=True, ids=[f"{number}-workers"])
 
 
 @pytest.fixture(params=[TILES, ROUNDS], ids=["tiles", "records"])
@@ -54,39 +53,40 @@ def options(request: pytest.FixtureRequest) -> RenderOptions:
     return chosen
 
 
-Expected = Callable[[RenderOptions], fogbank.Image]
-
-
-@pytest.mark.parametrize("workers", [1, 2, 4])
 def test_any_number_of_workers(
-    service: fogbank.Service, tmp_path: Path, expected: Expected, options: RenderOptions, workers: int
+    service: fogbank.Service, cluster: Client, tmp_path: Path, expected: Expected, options: RenderOptions
 ) -> None:
-    with farm.local_cluster(workers) as client:
-        job = farm.render(service.load(write_scene(tmp_path / "scene")), client, **options)
-        image = job.result()
-        job.join_farm()
-    assert_same_pictures(image, expected(options))
+    job = farm.render(service.load(write_scene(tmp_path / "scene")), cluster, **options)
+    image = job.result()
+    job.join_farm()
+    assert_same_pictures(image, expected(options).image)
 
 
+@workers(4)
 def test_a_worker_killed_every_two_seconds(
-    service: fogbank.Service, tmp_path: Path, expected: Expected, options: RenderOptions, record: Record
+    service: fogbank.Service,
+    cluster: Client,
+    tmp_path: Path,
+    expected: Expected,
+    options: RenderOptions,
+    record: Record,
 ) -> None:
-    with farm.local_cluster(4) as client:
-        done = threading.Event()
-        killed: list[int] = []
-        killer = threading.Thread(target=kill_workers, args=(client, done, killed))
-        killer.start()
-        try:
-            job = farm.render(service.load(write_scene(tmp_path / "scene")), client, **options)
-            image = job.result()
-        finally:
-            done.set()
-            killer.join()
-        job.join_farm()
-    assert_same_pictures(image, expected(options))
+    done = threading.Event()
+    killed: list[int] = []
+    killer = threading.Thread(target=kill_workers, args=(cluster, done, killed))
+    killer.start()
+    try:
+        job = farm.render(service.load(write_scene(tmp_path / "scene")), cluster, **options)
+        image = job.result()
+    finally:
+        done.set()
+        killer.join()
+    job.join_farm()
+    assert_same_pictures(image, expected(options).image)
     record("workers killed", len(killed), "")
     record("batches", job.farm.batches, "")
     record("batches that Dask gave up and were repeated", job.farm.lost, "")
+    cluster.wait_for_workers(4)
 
 
 def kill_workers(client: Client, done: threading.Event, killed: list[int]) -> None:
@@ -100,8 +100,10 @@ def kill_workers(client: Client, done: threading.Event, killed: list[int]) -> No
             killed.append(process)
 
 
+@workers(2)
 def test_results_that_come_twice_and_late(
     service: fogbank.Service,
+    cluster: Client,
     tmp_path: Path,
     expected: Expected,
     options: RenderOptions,
@@ -126,69 +128,98 @@ def test_results_that_come_twice_and_late(
         return ignored, refused
 
     monkeypatch.setattr(coordinator, "hand_in", unreliable)
-    with farm.local_cluster(2) as client:
-        job = farm.render(service.load(write_scene(tmp_path / "scene")), client, **options)
-        image = job.result()
-        job.join_farm()
-    assert_same_pictures(image, expected(options))
+    job = farm.render(service.load(write_scene(tmp_path / "scene")), cluster, **options)
+    image = job.result()
+    job.join_farm()
+    assert_same_pictures(image, expected(options).image)
     assert job.farm.ignored > 0
     record("results ignored", job.farm.ignored, "")
 
 
-def poison(dask_worker: Worker) -> str:
+def poison(dask_worker: Worker) -> None:
     """Makes a worker hand in what is not a number, and results of a wrong size."""
-    from fogbank.farm.engine import Engine
+    engine = engine_of(dask_worker)
+    perform = engine._perform
 
-    perform = Engine._perform
-
-    def poisoned(self: Engine, *arguments: object) -> Iterator[bytes]:
-        for number, data in enumerate(perform(self, *arguments)):  # type: ignore[arg-type]
+    def poisoned(*arguments: object) -> Iterator[bytes]:
+        for number, data in enumerate(perform(*arguments)):  # type: ignore[arg-type]
             part = farm_pb2.TaskResultPart.FromString(data)
             part.data = part.data[:-3] if number % 2 else b"\xff" * len(part.data)
             yield part.SerializeToString()
 
-    Engine._perform = poisoned  # type: ignore[assignment, method-assign]
-    return str(dask_worker.address)
+    engine._perform = poisoned  # type: ignore[assignment, method-assign]
 
 
+def delay(dask_worker: Worker) -> None:
+    """Makes a worker wait before each batch, until it is mended."""
+    engine = engine_of(dask_worker)
+    perform = engine._perform
+    engine.mended = threading.Event()  # type: ignore[attr-defined]
+
+    def slow(*arguments: object) -> Iterator[bytes]:
+        engine.mended.wait()  # type: ignore[attr-defined]
+        yield from perform(*arguments)  # type: ignore[arg-type]
+
+    engine._perform = slow  # type: ignore[assignment, method-assign]
+
+
+def mend(dask_worker: Worker) -> None:
+    """Makes a worker as the others are."""
+    engine = engine_of(dask_worker)
+    vars(engine).pop("_perform")
+    if (waiting := vars(engine).pop("mended", None)) is not None:
+        waiting.set()
+
+
+def engine_of(dask_worker: Worker) -> Engine:
+    """What performs a worker's batches."""
+    plugin = dask_worker.plugins[NAME]
+    assert isinstance(plugin, FarmPlugin)
+    assert plugin.engine is not None
+    return plugin.engine
+
+
+@contextlib.contextmanager
+def one_worker(cluster: Client, change: Callable[[Worker], None]) -> Iterator[str]:
+    """Changes a worker; its address."""
+    cluster.register_plugin(FarmPlugin())
+    address = min(cluster.nthreads())
+    cluster.run(change, workers=[address])
+    try:
+        yield address
+    finally:
+        cluster.run(mend, workers=[address])
+
+
+@workers(2)
 def test_a_worker_that_poisons_results_is_set_aside(
-    service: fogbank.Service, tmp_path: Path, expected: Expected, options: RenderOptions, record: Record
+    service: fogbank.Service,
+    cluster: Client,
+    tmp_path: Path,
+    expected: Expected,
+    options: RenderOptions,
+    record: Record,
 ) -> None:
-    with farm.local_cluster(2) as client:
-        wrong = next(iter(client.nthreads()))
-        client.run(poison, workers=[wrong])
-        job = farm.render(service.load(write_scene(tmp_path / "scene")), client, **options)
+    with one_worker(cluster, poison) as wrong:
+        job = farm.render(service.load(write_scene(tmp_path / "scene")), cluster, **options)
         image = job.result()
         job.join_farm()
-    assert_same_pictures(image, expected(options))
+    assert_same_pictures(image, expected(options).image)
     assert job.farm.workers[wrong].set_aside
     assert job.farm.workers[wrong].poisoned >= 3
     record("poisoned results refused", job.farm.poisoned, "")
 
 
-def delay(seconds: float) -> None:
-    """Makes a worker slow."""
-    from fogbank.farm.engine import Engine
-
-    perform = Engine._perform
-
-    def slow(self: Engine, *arguments: object) -> Iterator[bytes]:
-        time.sleep(seconds)
-        yield from perform(self, *arguments)  # type: ignore[arg-type]
-
-    Engine._perform = slow  # type: ignore[assignment, method-assign]
-
-
+@workers(2)
 def test_stragglers_are_given_to_others(
-    service: fogbank.Service, tmp_path: Path, expected: Expected, record: Record
+    service: fogbank.Service, cluster: Client, tmp_path: Path, expected: Expected, record: Record
 ) -> None:
-    with farm.local_cluster(2) as client:
-        client.run(delay, 10.0, workers=[next(iter(client.nthreads()))])
+    with one_worker(cluster, delay):
         began = time.monotonic()
-        job = farm.render(service.load(write_scene(tmp_path / "scene")), client, **PATHS)
+        job = farm.render(service.load(write_scene(tmp_path / "scene")), cluster, **PATHS)
         image = job.result()
-        record("with one worker that waits 10 s before each batch", time.monotonic() - began, "s")
+        record("with one worker that never returns", time.monotonic() - began, "s")
         job.join_farm()
-    assert_same_pictures(image, expected(PATHS))
+    assert_same_pictures(image, expected(PATHS).image)
     assert job.farm.stragglers > 0
     record("stragglers given to another worker", job.farm.stragglers, "")

@@ -121,7 +121,7 @@ def slurm_cluster(file: Path, workers: int) -> Iterator[Client]:
 
     Raises ModuleNotFoundError without dask-jobqueue, InvalidArgumentError for a file that is no mapping.
     """
-    from dask_jobqueue import SLURMCluster
+    from dask_jobqueue.slurm import SLURMCluster
 
     arguments = _arguments(file)
     # Without it whoever reaches the port runs what they like, as this user.

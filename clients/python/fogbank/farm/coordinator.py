@@ -206,14 +206,7 @@ class Coordinator:
         future = client.submit(
             perform, batch, log, files, key=f"fogbank_{number}", pure=False, workers=workers or self._crew.allowed()
         )
-        known = self._costs.seconds(kind)
-        running = RunningBatch(
-            batch,
-            future,
-            {number_of(task): task for task in tasks},
-            None if known is None else known * len(tasks),
-            second,
-        )
+        running = RunningBatch(batch, future, {number_of(task): task for task in tasks}, second)
         self._running[number] = running
         self.statistics.count_batch(kind, self._stage.number, sum(len(task.input) for task in tasks))
         future.add_done_callback(lambda _: self._events.put(running))
@@ -231,11 +224,10 @@ class Coordinator:
         whose: dict[TaskNumber, str] = {}
         parts: list[farm_pb2.TaskResultPart] = []
         for running, result in results:
-            self._learn(running, result)
-            for data in result.parts:
-                part = farm_pb2.TaskResultPart.FromString(data)
-                parts.append(part)
-                whose[part.stage, part.index] = result.worker
+            own = [farm_pb2.TaskResultPart.FromString(data) for data in result.parts]
+            self._learn(running, result, own)
+            whose.update({(part.stage, part.index): result.worker for part in own})
+            parts += own
         refused: dict[TaskNumber, str] = {}
         if parts and self._log is not None:
             ignored, refused = hand_in(self._connection, self._job.name, self._log.id, parts)
@@ -255,7 +247,7 @@ class Coordinator:
         # Of a batch that two workers had, the second one's is of no more use.
         self._drop([running for running in self._running.values() if self._wanted.keys().isdisjoint(running.tasks)])
 
-    def _learn(self, running: RunningBatch, result: BatchResult) -> None:
+    def _learn(self, running: RunningBatch, result: BatchResult, parts: Sequence[farm_pb2.TaskResultPart]) -> None:
         """Takes note of what the worker has, and of what its tasks cost."""
         worker = result.worker
         if result.lacks == "scene":
@@ -271,7 +263,7 @@ class Coordinator:
             seen.poisoned += 1
             if seen.poisoned >= _MOST_POISONED:
                 self._set_aside(worker, f"{result.refusal.reason}: {result.refusal.message}")
-        ends = [part for part in map(farm_pb2.TaskResultPart.FromString, result.parts) if part.last]
+        ends = [part for part in parts if part.last]
         seconds = sum(part.cpu_seconds for part in ends)
         self._costs.learn(running.batch.kind, seconds, len(ends))
         size = sum(len(data) for data in result.parts)
@@ -316,7 +308,7 @@ class Coordinator:
     def _look_around(self, now: float) -> None:
         """Counts workers; when nothing is left to hand out, gives what takes too long to one that has nothing to do."""
         self._crew.count()
-        late = [running for running in self._running.values() if running.late(now)]
+        late = [running for running in self._running.values() if running.late(now, self._costs)]
         if self._stage.pending or not late:
             return
         where = self._crew.processing()

@@ -45,9 +45,6 @@ class RunningBatch:
     batch: Batch
     future: Future[BatchResult]
     tasks: dict[TaskNumber, farm_pb2.LeasedTask]
-    expected: float | None
-    """Seconds that it should take once it runs; None while nothing is known of such tasks."""
-
     second: bool = False
     """Whether it was given to a second worker, or is what the second one was given."""
 
@@ -58,11 +55,12 @@ class RunningBatch:
         """Of its tasks."""
         return min(self.tasks)[0]
 
-    def late(self, now: float) -> bool:
-        """Whether a second worker should have it."""
-        if self.expected is None or self.second:
+    def late(self, now: float, costs: Costs) -> bool:
+        """Whether a second worker should have it, by what such tasks are known to cost by now."""
+        known = costs.seconds(self.batch.kind)
+        if known is None or self.second:
             return False
-        return now - self.submitted > max(_STRAGGLING_SECONDS, _STRAGGLING_FACTOR * self.expected)
+        return now - self.submitted > max(_STRAGGLING_SECONDS, _STRAGGLING_FACTOR * known * len(self.tasks))
 
 
 @dataclass
