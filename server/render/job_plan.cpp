@@ -82,7 +82,7 @@ std::optional<RenderJob::Implementation::Phase> RenderJob::Implementation::plan(
     const Step step = out_of_time ? Step{} : progression.next(standing());
     switch (step.kind) {
       case Step::Kind::finish:
-        if (settings.aovs.empty()) return std::nullopt;
+        if (settings.aovs.empty() || settings.fill_only) return std::nullopt;
         return begin_survey(Activity::aovs, 1, settings.aovs);
       case Step::Kind::pass:
         pass_samples = step.samples;
@@ -101,7 +101,8 @@ std::optional<RenderJob::Implementation::Phase> RenderJob::Implementation::plan(
   }
 }
 
-RenderJob::Implementation::Phase RenderJob::Implementation::begin_preparation(const Step& step) {
+std::optional<RenderJob::Implementation::Phase> RenderJob::Implementation::begin_preparation(
+    const Step& step) {
   layered = true;
   {
     const std::lock_guard lock(mutex);
@@ -119,7 +120,7 @@ RenderJob::Implementation::Phase RenderJob::Implementation::begin_preparation(co
   return go_on_preparing();
 }
 
-RenderJob::Implementation::Phase RenderJob::Implementation::go_on_preparing() {
+std::optional<RenderJob::Implementation::Phase> RenderJob::Implementation::go_on_preparing() {
   RoundStep of_log;
   if (log) of_log.outcome = preparation->outcome();
   const uint32_t tasks = preparation->next_round();
@@ -147,6 +148,7 @@ RenderJob::Implementation::Phase RenderJob::Implementation::go_on_preparing() {
     cached_samples_done = 0;
   }
   preparation = nullptr;
+  if (settings.fill_only) return std::nullopt;
   return begin_survey(Activity::survey, survey_stride(settings.film.crop), {Aov::variance, Aov::bias});
 }
 

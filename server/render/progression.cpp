@@ -212,6 +212,7 @@ std::optional<Step> Progression::first_steps(const Standing& standing) {
 }
 
 Step Progression::next(const Standing& standing) {
+  if (settings_.fill_only) return stages_ == 0 && prepares_ ? prepare(aim_, false, standing) : Step{};
   if (const std::optional<Step> first = first_steps(standing)) return *first;
   // Every stage is shown by a sample, if there are enough of them.
   const bool more_than_one = standing.samples + 1 < static_cast<uint32_t>(settings_.samples_per_pixel);

@@ -71,8 +71,8 @@ struct RenderJob::Implementation {
 
   /// The next phase; nullopt at the end.
   std::optional<Phase> plan();
-  Phase begin_preparation(const Step& step);
-  Phase go_on_preparing();
+  std::optional<Phase> begin_preparation(const Step& step);
+  std::optional<Phase> go_on_preparing();
   Phase go_on_preparing_pass();
   void end_stage(bool dropped);
   Phase begin_survey(Activity what, int32_t stride, std::vector<Aov> channels);

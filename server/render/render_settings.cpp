@@ -88,6 +88,8 @@ void validate_sensor(const scene::Sensor& sensor) {
 void validate_targets(const RenderSettings& settings) {
   check_range("samples_per_pixel", settings.samples_per_pixel, 1, RenderLimits::samples_per_pixel);
   check_range("time_budget_seconds", settings.time_budget_seconds, 0.0, RenderLimits::time_budget_seconds);
+  if (settings.fill_only && settings.time_budget_seconds > 0)
+    fail("time_budget_seconds", "a job that only fills the cache has none");
   if (settings.error != 0)
     check_range("error", settings.error, RenderLimits::smallest_error, RenderLimits::largest_error);
   check_range("record_budget", settings.record_budget, int64_t{0}, RenderLimits::most_records);

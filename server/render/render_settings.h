@@ -71,6 +71,9 @@ struct RenderSettings {
   std::optional<scene::Window> first_region;        ///< tiles that touch it come first
   std::vector<Aov> aovs;                            ///< each once; in the order of the channels
   std::shared_ptr<const ReferenceImage> reference;  ///< null: none; its window must be the crop
+  /// No picture: the job ends when the cache holds what passes need, as a FillJob of this one camera does.
+  /// Not with a time budget, which would end it earlier than that.
+  bool fill_only = false;
 };
 
 /// Throws Error(invalid_argument, "INVALID_RENDER_SETTINGS") for anything that is out of range or not finite;

@@ -18,7 +18,7 @@ StreamedFile image_of(const std::string& name, const JobTable& jobs) {
   if (!has_ended(state)) {
     throw RpcError(StatusCode::FAILED_PRECONDITION, "JOB_NOT_FINISHED", name + " has not ended yet");
   }
-  if (state != v1::JOB_STATE_SUCCEEDED) {
+  if (state != v1::JOB_STATE_SUCCEEDED || description.fill_only()) {
     throw RpcError(StatusCode::FAILED_PRECONDITION, "NO_IMAGE", name + " ended without an image");
   }
   return {.path = job->image_path(),

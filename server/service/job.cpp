@@ -45,7 +45,7 @@ Job::Job(const std::string& id, const v1::CreateJobRequest& request, const v1::R
       services_(services),
       settings_(settings),
       priority_(known_priority(request.priority())),
-      board_(tile_count(settings_), seconds(settings_.update_interval_seconds())),
+      board_(tile_count(request_, settings_), seconds(settings_.update_interval_seconds())),
       trace_(services.traces, std::move(client), job_name(id)) {
   trace_.begin("queue");
   base_.set_name(job_name(id));
@@ -53,10 +53,11 @@ Job::Job(const std::string& id, const v1::CreateJobRequest& request, const v1::R
   *base_.mutable_settings() = settings_;
   base_.set_state(v1::JOB_STATE_QUEUED);
   *base_.mutable_create_time() = timestamp_now();
-  base_.mutable_progress()->set_tiles_total(static_cast<int32_t>(tile_count(settings_)));
+  base_.mutable_progress()->set_tiles_total(static_cast<int32_t>(tile_count(request_, settings_)));
   base_.set_request_id(request.request_id());
   base_.set_priority(priority_);
   base_.set_leased(request.leased());
+  base_.set_fill_only(request.fill_only());
 }
 
 Job::Job(StoredJob stored, JobServices& services)
@@ -69,8 +70,8 @@ Job::Job(StoredJob stored, JobServices& services)
       priority_(known_priority(stored.description.priority())),
       base_(std::move(stored.description)),
       board_(has_ended(base_.state())
-                 ? TileBoard::published(tile_count(settings_), base_.revision())
-                 : TileBoard(tile_count(settings_), seconds(settings_.update_interval_seconds()),
+                 ? TileBoard::published(tile_count(request_, settings_), base_.revision())
+                 : TileBoard(tile_count(request_, settings_), seconds(settings_.update_interval_seconds()),
                              first_revision(base_.restarts() + 1))),
       trace_(has_ended(base_.state()) ? nullptr : services.traces, std::nullopt, base_.name()) {
   if (has_ended(base_.state())) return;
@@ -87,6 +88,7 @@ Job::Job(StoredJob stored, JobServices& services)
 }
 
 int64_t Job::film_bytes() const {
+  if (fill_only()) return 0;
   // Two half buffers of each layer, twice while one pass follows another (render/film.h); and once more for
   // a checkpoint that is being written.
   const int64_t pixel_bytes = uses_cache() ? 192 : 96 + 48;
@@ -94,6 +96,7 @@ int64_t Job::film_bytes() const {
 }
 
 int64_t Job::image_bytes() const {
+  if (fill_only()) return 0;
   const int64_t channels = (settings_.variance() ? 6 : 3) + settings_.aovs_size();
   const int64_t channel_bytes = settings_.pixel_type() == v1::PIXEL_TYPE_FLOAT ? 4 : 2;
   return channels * channel_bytes * settings_.crop().width() * settings_.crop().height();
@@ -110,9 +113,8 @@ std::optional<uint64_t> Job::epoch() const {
 void Job::start(std::shared_ptr<const transport::World> world, render::RenderSettings engine,
                 double load_seconds) {
   scene_fingerprint_ = world->scene().fingerprint;
-  std::string used_cache;
-  if (engine.integrator_settings.cache)
-    used_cache = cache_name(cache::record_field(world->scene(), max_depth()).transport);
+  std::optional<scene::FieldIdentity> field;
+  if (engine.integrator_settings.cache) field = cache::record_field(world->scene(), max_depth());
   std::shared_ptr<render::RenderJob> render_job;
   try {
     render_job = std::make_shared<render::RenderJob>(
@@ -126,7 +128,7 @@ void Job::start(std::shared_ptr<const transport::World> world, render::RenderSet
   if (stop_ || suspended_ || has_ended(base_.state())) return;
   engine_settings_ = std::move(engine);
   render_job_ = std::move(render_job);
-  cache_name_ = std::move(used_cache);
+  field_ = std::move(field);
   load_seconds_ += load_seconds;
   trace_.add("load", load_seconds);
   // Held for as long as tiles may be wanted; the film itself is shared with it.
@@ -246,7 +248,12 @@ void Job::finish() {
   }
   if (!failure) {
     try {
-      store_image(description);
+      describe_result(*description.mutable_result());
+      if (fill_only()) {
+        keep_epoch(*description.mutable_result());
+      } else {
+        store_image(*description.mutable_result());
+      }
     } catch (...) {
       failure = to_rpc_error(std::current_exception());
       description.clear_result();
@@ -267,24 +274,13 @@ void Job::finish() {
   end(std::move(description));
 }
 
-void Job::store_image(v1::Job& description) {
-  // Records are on the disk before anybody hears that the job made them.
-  if (const auto& cache = engine_settings_.integrator_settings.cache) cache->save();
+void Job::describe_result(v1::JobResult& result) const {
   // Only this thread touches the film now; render_job_ stays until `end`.
-  const render::Image image = render_job_->image();
   const render::Progress progress = render_job_->progress();
-  const std::string file = render::encode_image(
-      image, pixel_type(settings_), settings_.variance(),
-      render::describe(engine_settings_, progress, render_job_->history(), scene_fingerprint_));
-  FOGBANK_FAILPOINT("job.before_image");
-  write_file_durably(image_path(), file);
-  FOGBANK_FAILPOINT("job.after_image");
-
-  v1::JobResult& result = *description.mutable_result();
   *result.mutable_window() = settings_.crop();
-  result.set_film_width(image.full_width);
-  result.set_film_height(image.full_height);
-  result.set_samples_per_pixel(static_cast<int32_t>(image.samples));
+  result.set_film_width(settings_.width());
+  result.set_film_height(settings_.height());
+  result.set_samples_per_pixel(static_cast<int32_t>(progress.samples_per_pixel));
   result.set_samples(progress.samples_done);
   result.set_rays(progress.rays);
   result.set_load_seconds(load_seconds_);
@@ -292,13 +288,29 @@ void Job::store_image(v1::Job& description) {
   result.set_render_cpu_seconds(progress.cpu_seconds);
   if (progress.estimate.noise) result.set_relative_noise(*progress.estimate.noise);
   result.set_invalid_samples(progress.invalid_samples);
-  result.set_image_bytes(static_cast<int64_t>(file.size()));
-  result.set_image_sha256(sha256(file));
-  result.set_cache(cache_name_);
+  if (field_) result.set_cache(cache_name(field_->transport));
   result.set_records_reused(progress.records_reused);
   result.set_records_new(progress.records_new);
   result.set_epoch(progress.epoch);
   for (const render::HistoryEntry& entry : render_job_->history()) *result.add_history() = to_message(entry);
+}
+
+void Job::keep_epoch(v1::JobResult& result) {
+  if (field_) result.set_epoch(services_.keep_epoch(*field_));
+}
+
+void Job::store_image(v1::JobResult& result) {
+  // Records are on the disk before anybody hears that the job made them.
+  if (const auto& cache = engine_settings_.integrator_settings.cache) cache->save();
+  const std::string file =
+      render::encode_image(render_job_->image(), pixel_type(settings_), settings_.variance(),
+                           render::describe(engine_settings_, render_job_->progress(), render_job_->history(),
+                                            scene_fingerprint_));
+  FOGBANK_FAILPOINT("job.before_image");
+  write_file_durably(image_path(), file);
+  FOGBANK_FAILPOINT("job.after_image");
+  result.set_image_bytes(static_cast<int64_t>(file.size()));
+  result.set_image_sha256(sha256(file));
 }
 
 void Job::end(v1::Job description) {
@@ -365,7 +377,7 @@ v1::Job Job::describe_locked() const {
 
 v1::Progress Job::describe_progress() const {
   v1::Progress message = to_message(render_job_->progress(), render_job_->history(), engine_settings_);
-  message.set_tiles_total(static_cast<int32_t>(render_job_->tile_count()));
+  message.set_tiles_total(static_cast<int32_t>(tile_count(request_, settings_)));
   message.set_rays_per_second(paused_ ? 0 : ray_rate_.rate());
   message.set_paused(paused_);
   return message;

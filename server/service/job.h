@@ -44,6 +44,8 @@ struct JobServices {
   std::function<void(const std::shared_ptr<Job>&)> suspended;
   /// Whether the scheduler is to ask a leased job for tasks may have changed (`active`).
   std::function<void(const std::shared_ptr<Job>&)> settle;
+  /// CacheRegistry::keep_epoch.
+  std::function<uint64_t(const scene::FieldIdentity&)> keep_epoch;
   int group = 0;  ///< of the scheduler: whose jobs these are
   TaskLimits task_limits;
   TraceLog* traces = nullptr;            ///< null: nothing is traced
@@ -79,6 +81,8 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   /// What `start` needs: does its integrator use a cache, and as of which epoch; none: the newest.
   bool uses_cache() const;
   std::optional<uint64_t> epoch() const;
+  /// It makes records and no picture.
+  bool fill_only() const { return request_.fill_only(); }
   int32_t max_depth() const { return settings_.max_depth(); }
   /// Gives it its scene and the engine's settings, with the cache and the reference image if it uses any;
   /// tasks can be taken from now on. Goes on from a checkpoint if there is one. Nothing happens if it has
@@ -163,7 +167,10 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   /// Begins to end or to suspend the job if there is a reason and no task of it runs; with `mutex_` held.
   void finish_if_idle();
   void finish();
-  void store_image(v1::Job& description);
+  void describe_result(v1::JobResult& result) const;
+  void store_image(v1::JobResult& result);
+  /// Keeps the epoch that a job without a picture has brought about.
+  void keep_epoch(v1::JobResult& result);
   void end(v1::Job description);
   /// Everything that a film depends on besides the number of its samples. From `start` on.
   std::string checkpoint_identity() const;
@@ -201,9 +208,9 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   std::shared_ptr<const TileSource> kept_tile_source_;           ///< while somebody watches
   std::map<uint64_t, std::shared_ptr<const v1::Tile>> encoded_;  ///< by revision, while several watch
   size_t encoded_bytes_ = 0;
-  std::string scene_fingerprint_;        ///< set once, by `start`
-  std::string cache_name_;               ///< empty: it uses none
-  std::atomic<bool> interrupt_ = false;  ///< for running tasks: it is stopped, paused or suspended
+  std::string scene_fingerprint_;              ///< set once, by `start`
+  std::optional<scene::FieldIdentity> field_;  ///< of its cache; none: it uses none
+  std::atomic<bool> interrupt_ = false;        ///< for running tasks: it is stopped, paused or suspended
   bool stop_ = false;
   bool paused_ = false;
   bool suspended_ = false;

@@ -186,6 +186,10 @@ void check_integrator(const std::string& name) {
   refuse("integrator", "\"" + name + "\" is not one of: " + known);
 }
 
+void expect_cache(const std::string& integrator) {
+  if (!uses_cache(integrator)) refuse("integrator", "\"" + integrator + "\" has no cache to fill");
+}
+
 }  // namespace
 
 render::PixelType pixel_type(const v1::RenderSettings& effective) {
@@ -278,8 +282,7 @@ FillSettings resolve_fill(const v1::FillCacheRequest& request, const scene::Scen
   }
   FillSettings resolved{.engine = resolve_settings(request.settings(), scene, server_threads).engine,
                         .cameras = {}};
-  if (!uses_cache(resolved.engine.integrator))
-    refuse("integrator", "\"" + resolved.engine.integrator + "\" has no cache to fill");
+  expect_cache(resolved.engine.integrator);
   if (request.cameras().empty()) resolved.cameras.push_back(resolved.engine.sensor);
   for (int i = 0; i < request.cameras_size(); ++i) {
     v1::RenderSettings settings = request.settings();
@@ -292,6 +295,16 @@ FillSettings resolve_fill(const v1::FillCacheRequest& request, const scene::Scen
     }
   }
   return resolved;
+}
+
+void check_fill_only(const v1::CreateJobRequest& request, const v1::RenderSettings& effective) {
+  if (!request.leased()) {
+    throw RpcError(grpc::StatusCode::INVALID_ARGUMENT, "INVALID_SETTINGS",
+                   "fill_only: is for leased jobs; FillCache fills the cache here", {{"field", "fill_only"}});
+  }
+  expect_cache(effective.integrator());
+  if (effective.has_epoch()) refuse("epoch", "a fill adds to the newest epoch");
+  if (effective.time_budget_seconds() > 0) refuse("time_budget_seconds", "a leased fill has none");
 }
 
 }  // namespace fogbank::service

@@ -35,4 +35,7 @@ struct FillSettings {
 /// Throws as `resolve_settings`, and RpcError TOO_MANY_CAMERAS.
 FillSettings resolve_fill(const v1::FillCacheRequest& request, const scene::Scene& scene, int server_threads);
 
+/// Of a job that makes no picture. Throws RpcError INVALID_SETTINGS.
+void check_fill_only(const v1::CreateJobRequest& request, const v1::RenderSettings& effective);
+
 }  // namespace fogbank::service

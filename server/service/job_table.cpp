@@ -46,16 +46,18 @@ JobTable::JobTable(Settings settings, SceneRegistry& scenes, CacheRegistry& cach
       films_(films),
       films_freed_(std::move(films_freed)),
       store_(database_in(settings_.folder)),
-      services_{.store = store_,
-                .folder = settings_.folder,
-                .writer = writer,
-                .changed = std::move(changed),
-                .ended = [this](const std::shared_ptr<Job>& job) { on_stopped(job); },
-                .suspended = [this](const std::shared_ptr<Job>& job) { on_stopped(job); },
-                .settle = [this](const std::shared_ptr<Job>& job) { settle(job); },
-                .group = settings_.group,
-                .task_limits = settings_.task_limits,
-                .traces = settings_.traces} {
+      services_{
+          .store = store_,
+          .folder = settings_.folder,
+          .writer = writer,
+          .changed = std::move(changed),
+          .ended = [this](const std::shared_ptr<Job>& job) { on_stopped(job); },
+          .suspended = [this](const std::shared_ptr<Job>& job) { on_stopped(job); },
+          .settle = [this](const std::shared_ptr<Job>& job) { settle(job); },
+          .keep_epoch = [&caches](const scene::FieldIdentity& field) { return caches.keep_epoch(field); },
+          .group = settings_.group,
+          .task_limits = settings_.task_limits,
+          .traces = settings_.traces} {
   restore();
 }
 
@@ -119,6 +121,7 @@ std::shared_ptr<Job> JobTable::make_job(const v1::CreateJobRequest& request,
     throw RpcError(StatusCode::INVALID_ARGUMENT, "INVALID_SETTINGS", "priority is not a JobPriority",
                    {{"field", "priority"}});
   }
+  if (request.fill_only()) check_fill_only(request, settings.effective);
   if (!settings.effective.reference_sha256().empty())
     load_reference(settings.effective.reference_sha256(), settings.engine.film.crop, blobs_,
                    scenes_.readers());
@@ -212,6 +215,7 @@ void JobTable::start(const std::shared_ptr<Job>& job) {
 
 render::RenderSettings JobTable::engine_settings(const Job& job, const scene::Scene& scene) {
   render::RenderSettings engine = resolve_settings(job.settings(), scene, scheduler_.threads()).engine;
+  engine.fill_only = job.fill_only();
   if (!job.settings().reference_sha256().empty())
     engine.reference =
         load_reference(job.settings().reference_sha256(), engine.film.crop, blobs_, scenes_.readers());

@@ -75,7 +75,8 @@ std::shared_ptr<const TileSource> stored_tiles(const std::filesystem::path& imag
   }
 }
 
-uint32_t tile_count(const v1::RenderSettings& effective) {
+uint32_t tile_count(const v1::CreateJobRequest& request, const v1::RenderSettings& effective) {
+  if (request.fill_only()) return 0;
   return render::TileGrid(to_engine(effective.crop()), effective.tile_size()).count();
 }
 

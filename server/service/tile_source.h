@@ -24,6 +24,6 @@ std::shared_ptr<const TileSource> film_tiles(std::shared_ptr<const render::Rende
 std::shared_ptr<const TileSource> stored_tiles(const std::filesystem::path& image, const v1::Job& job);
 
 /// Number of tiles of a job.
-uint32_t tile_count(const v1::RenderSettings& effective);
+uint32_t tile_count(const v1::CreateJobRequest& request, const v1::RenderSettings& effective);
 
 }  // namespace fogbank::service

@@ -74,6 +74,47 @@ def test_records_that_are_there_are_sent(service: fogbank.Service, cluster: Clie
     assert job.statistics.records_new == expected.statistics.records_new
 
 
+def test_a_farm_fills_the_cache_of_one_machine(service: fogbank.Service, cluster: Client, tmp_path: Path) -> None:
+    path = write_scene(tmp_path / "scene")
+    options = RenderOptions(integrator="radiance-cache", size=(40, 24), spp=4)
+    cameras = [{"origin": (x, 0.0, 4.0), "target": (0.0, 0.0, 0.0), "up": (0.0, 1.0, 0.0)} for x in (0.0, 1.0)]
+    scene = service.load(path)
+    reports = list(farm.fill_events(scene, cluster, cameras, **options))
+    scene.cache.export(tmp_path / "farm.cache")
+    with fogbank.connect(data=tmp_path / "alone", threads=2) as other:
+        same = other.load(path)
+        expected = same.cache.fill(cameras, **options)
+        same.cache.export(tmp_path / "alone.cache")
+    assert (tmp_path / "farm.cache").read_bytes() == (tmp_path / "alone.cache").read_bytes()
+    last = reports[-1]
+    assert (last.done, last.cameras_done, last.cameras_total) == (True, 2, 2)
+    assert (last.records_reused, last.records_new) == (expected.records_reused, expected.records_new)
+    assert last.records_new > 0
+    # What it names is kept, for pictures.
+    frame = scene.render(**RenderOptions(**{**options, "camera": cameras[0], "epoch": last.epoch}))
+    frame.result()
+    assert frame.statistics is not None
+    assert frame.statistics.records_new == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "leased", "field"),
+    [
+        ({"integrator": "radiance-cache"}, False, "fill_only"),
+        ({"integrator": "volpath"}, True, "settings.integrator"),
+        ({"integrator": "radiance-cache", "time_budget": 1.0}, True, "settings.time_budget_seconds"),
+        ({"integrator": "radiance-cache", "epoch": 1}, True, "settings.epoch"),
+    ],
+)
+def test_what_a_leased_fill_cannot_be(
+    service: fogbank.Service, tmp_path: Path, options: RenderOptions, leased: bool, field: str
+) -> None:
+    scene = service.load(write_scene(tmp_path / "scene"))
+    with pytest.raises(fogbank.InvalidArgumentError) as refused:
+        scene.create_job(options, request_id=None, priority="normal", leased=leased, fill_only=True)
+    assert refused.value.metadata["field"] == field
+
+
 def test_a_cancelled_job_leaves_the_workers_free(
     service: fogbank.Service, cluster: Client, tmp_path: Path, record: Record
 ) -> None:

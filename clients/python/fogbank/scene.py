@@ -248,9 +248,23 @@ class Scene:
         return Job(self._connection, self.create_job(options, request_id=request_id, priority=priority))
 
     def create_job(
-        self, options: RenderOptions, *, request_id: str | None, priority: Priority, leased: bool = False
+        self,
+        options: RenderOptions,
+        *,
+        request_id: str | None,
+        priority: Priority,
+        leased: bool = False,
+        fill_only: bool = False,
     ) -> render_pb2.Job:
-        """As `render`, for parts of this package: the job's message. `leased`: others perform its tasks."""
+        """As `render`, for parts of this package: the job's message.
+
+        Args:
+            options: as of `render`.
+            request_id: as of `render`.
+            priority: as of `render`.
+            leased: others perform its tasks.
+            fill_only: it makes records and no picture.
+        """
         reference = options.get("reference")
         if reference is not None:
             options["reference"] = upload_reference(self._connection, reference)
@@ -260,6 +274,7 @@ class Scene:
             settings=settings_message(options),
             priority=PRIORITIES[priority],
             leased=leased,
+            fill_only=fill_only,
         )
         return self._connection.call(lambda stubs: stubs.render.CreateJob, request).job
 

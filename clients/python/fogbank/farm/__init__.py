@@ -14,7 +14,7 @@ require_extra()
 
 from fogbank.farm.cluster import SchedulerTls, kubernetes_cluster, local_cluster, scheduler_client, slurm_cluster  # noqa: E402
 from fogbank.farm.errors import FarmError  # noqa: E402
-from fogbank.farm.farm_job import FarmJob, render  # noqa: E402
+from fogbank.farm.farm_job import FarmJob, WorkerLimits, fill_events, render  # noqa: E402
 from fogbank.farm.statistics import FarmStatistics  # noqa: E402
 from fogbank.farm.status import FarmStatus, WorkerStatus, farm_status  # noqa: E402
 
@@ -24,8 +24,10 @@ __all__ = [
     "FarmStatistics",
     "FarmStatus",
     "SchedulerTls",
+    "WorkerLimits",
     "WorkerStatus",
     "farm_status",
+    "fill_events",
     "kubernetes_cluster",
     "local_cluster",
     "render",

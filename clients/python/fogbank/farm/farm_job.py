@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import threading
-from typing import Unpack
+from collections.abc import Iterator, Sequence
+from typing import TypedDict, Unpack
 
 from distributed import Client
 from distributed.deploy.cluster import Cluster
 
 from fogbank._generated.v1 import render_pb2, server_pb2
+from fogbank.cache import FillProgress
+from fogbank.camera import CameraLike
 from fogbank.capabilities import Capabilities
 from fogbank.channel import Connection
 from fogbank.errors import FogbankError
@@ -85,6 +88,16 @@ class FarmJob(Job):
             return
 
 
+class WorkerLimits(TypedDict, total=False):
+    """Of each worker."""
+
+    worker_threads: int | None
+    """Render threads; the worker's own number when None."""
+
+    worker_memory_bytes: int | None
+    """Most memory of its server; the worker's own limit when None."""
+
+
 def render(
     scene: Scene,
     cluster: Client | Cluster,
@@ -103,22 +116,105 @@ def render(
     Args:
         scene: loaded with `Service.load`, whose files are sent to workers that lack them.
         cluster: a `dask.distributed.Client`, or a cluster, which gets a client.
-        worker_threads: render threads of each worker; the worker's own number when None.
-        worker_memory_bytes: most memory of each worker's server; the worker's own limit when None.
+        worker_threads: see `WorkerLimits`.
+        worker_memory_bytes: see `WorkerLimits`.
         request_id: as for `Scene.render`.
         priority: as for `Scene.render`.
         options: as for `Scene.render`.
 
     Raises what `Scene.render` does, and FarmError for a scene whose files are not on this machine.
     """
+    limits = WorkerLimits(worker_threads=worker_threads, worker_memory_bytes=worker_memory_bytes)
+    return _start(scene, cluster, limits, options, request_id=request_id, priority=priority)
+
+
+def fill_events(
+    scene: Scene,
+    cluster: Client | Cluster,
+    cameras: Sequence[CameraLike] = (),
+    *,
+    worker_threads: int | None = None,
+    worker_memory_bytes: int | None = None,
+    **options: Unpack[RenderOptions],
+) -> Iterator[FillProgress]:
+    """Makes the records that pictures from these cameras need on the workers, and yields how far it is.
+
+    They are those of `SceneCache.fill_events`, record for record; the last report names the epoch that has them all.
+    Dropping the generator ends the fill; the records made until then stay.
+
+    Args:
+        scene: as for `render`.
+        cluster: as for `render`.
+        cameras: in the order in which records are made for them; empty for the scene's own alone.
+        worker_threads: see `WorkerLimits`.
+        worker_memory_bytes: see `WorkerLimits`.
+        options: as of the renders that are going to use the records, but for `time_budget`.
+
+    Raises as `render`, and JobFailedError or JobCancelledError when it ends early.
+    """
+    limits = WorkerLimits(worker_threads=worker_threads, worker_memory_bytes=worker_memory_bytes)
+    todo: Sequence[CameraLike | None] = cameras or [None]
+    before: FillProgress | None = None
+    for done, camera in enumerate(todo):
+        chosen = RenderOptions(**options)
+        if camera is not None:
+            chosen["camera"] = camera
+        budget = options.get("records")
+        if budget is not None and before is not None:
+            chosen["records"] = max(0, budget - before.records_new)
+        job = _start(scene, cluster, limits, chosen, fill_only=True)
+        try:
+            for _ in job.events(tiles=False):
+                if not job.ended:
+                    yield _fill_progress(job, before, done, len(todo))
+        finally:
+            if not job.ended:
+                job.cancel()
+            job.join_farm()
+        job.wait()
+        if job.error is not None:
+            raise job.error
+        before = _fill_progress(job, before, done, len(todo))
+        yield before
+
+
+def _fill_progress(job: FarmJob, before: FillProgress | None, cameras_done: int, cameras_total: int) -> FillProgress:
+    """How far the fill of a camera is, with that of all before."""
+    result = job.statistics
+    now = job.progress if result is None else result
+    seconds = job.progress.elapsed_seconds if result is None else result.render_seconds
+    cameras_done += 0 if result is None else 1
+    return FillProgress(
+        cameras_done=cameras_done,
+        cameras_total=cameras_total,
+        fraction=cameras_done / cameras_total,
+        records_reused=now.records_reused if before is None else before.records_reused,
+        records_new=now.records_new + (0 if before is None else before.records_new),
+        epoch=now.epoch,
+        rays=now.rays + (0 if before is None else before.rays),
+        elapsed_seconds=seconds + (0.0 if before is None else before.elapsed_seconds),
+        done=cameras_done == cameras_total,
+    )
+
+
+def _start(
+    scene: Scene,
+    cluster: Client | Cluster,
+    limits: WorkerLimits,
+    options: RenderOptions,
+    *,
+    request_id: str | None = None,
+    priority: Priority = "normal",
+    fill_only: bool = False,
+) -> FarmJob:
     client = cluster if isinstance(cluster, Client) else Client(cluster, set_as_default=False)
     parcel = SceneParcel(scene)
-    crew = Crew(client, FarmPlugin(threads=worker_threads, memory_bytes=worker_memory_bytes))
+    crew = Crew(client, FarmPlugin(threads=limits["worker_threads"], memory_bytes=limits["worker_memory_bytes"]))
     connection = scene.connection
     capabilities = connection.call(lambda stubs: stubs.server.GetCapabilities, server_pb2.GetCapabilitiesRequest())
     if options.get("tile_size") is None:
         options["tile_size"] = _tile_size(scene, options, crew.slots, Capabilities.from_message(capabilities))
-    message = scene.create_job(options, request_id=request_id, priority=priority, leased=True)
+    message = scene.create_job(options, request_id=request_id, priority=priority, leased=True, fill_only=fill_only)
     coordinator = Coordinator(connection, message, parcel, crew, build_id=capabilities.build_id)
     return FarmJob(connection, message, coordinator, crew)
 
