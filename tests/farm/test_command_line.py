@@ -70,24 +70,24 @@ def test_render(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert_same_pictures(fogbank.Image.from_exr(farmed.read_bytes()), fogbank.Image.from_exr(alone.read_bytes()))
 
 
-def test_sweep_of_sixty_frames(tmp_path: Path, capfd: pytest.CaptureFixture[str], record: Record) -> None:
+@pytest.mark.parametrize(("fill", "frames"), [("first", 4), ("ahead", 60)])
+def test_sweep(tmp_path: Path, capfd: pytest.CaptureFixture[str], record: Record, fill: str, frames: int) -> None:
     scene = str(write_scene(tmp_path / "scene"))
-    path = ("--orbit", "60", "--degrees", "60")
-    for name, command in (("alone", ["sweep"]), ("farm", ["farm", "sweep", "--local", "2", "--in-flight", "4"])):
+    path = ("--orbit", str(frames), "--degrees", str(frames), "--fill", fill)
+    picture = ("--integrator", "radiance-cache", "--size", "32x20", "--spp", "2", "--float")
+    for name, command in (
+        ("one at a time", ["sweep", "--threads", "1", "--in-flight", "1"]),
+        ("two workers", ["farm", "sweep", "--local", "2"]),
+    ):
         began, spent = time.monotonic(), cpu_seconds()
         output = str(tmp_path / name / "%04d.exr")
-        arguments = [*command, scene, "-o", output, *path, *PICTURE]
-        if name == "alone":
-            arguments += ["--threads", "1", "--in-flight", "1"]
-        assert run(["--data", str(tmp_path / f"{name}-data"), *arguments]) == 0
-        record(
-            f"60 frames, {'one at a time' if name == 'alone' else 'two workers'}", time.monotonic() - began, "s wall"
-        )
-        record(f"60 frames, {'one at a time' if name == 'alone' else 'two workers'}", cpu_seconds() - spent, "s CPU")
-    for frame in range(60):
+        assert run(["--data", str(tmp_path / f"{name}.data"), *command, scene, "-o", output, *path, *picture]) == 0
+        record(f"{frames} frames, {name}", time.monotonic() - began, "s wall")
+        record(f"{frames} frames, {name}", cpu_seconds() - spent, "s CPU")
+    for frame in range(frames):
         assert_same_pictures(
-            fogbank.Image.from_exr((tmp_path / "farm" / f"{frame:04d}.exr").read_bytes()),
-            fogbank.Image.from_exr((tmp_path / "alone" / f"{frame:04d}.exr").read_bytes()),
+            fogbank.Image.from_exr((tmp_path / "two workers" / f"{frame:04d}.exr").read_bytes()),
+            fogbank.Image.from_exr((tmp_path / "one at a time" / f"{frame:04d}.exr").read_bytes()),
         )
 
 

@@ -11,7 +11,7 @@ from fogbank import RenderOptions
 from fogbank.cache_picture import draw
 
 from fogbank_cli.camera_paths import camera_path_options, path_cameras
-from fogbank_cli.filling import fill
+from fogbank_cli.filling import fill, tell_filled
 from fogbank_cli.output import quantity
 from fogbank_cli.parameter_types import SizeInBytesType
 from fogbank_cli.render import UploadReport, load_scene
@@ -123,7 +123,8 @@ def fill_cache(
         path = []
         if cameras is not None or orbit is not None:
             path = path_cameras(loaded, cameras=cameras, frames=frames, orbit=orbit, target=target, degrees=degrees)
-        report = fill(loaded.cache, path, output, options)
+        report = fill(loaded.cache.name, loaded.cache.fill_events(path, **options), output)
+        tell_filled(loaded.cache.name, report, output)
         if exported is not None:
             loaded.cache.export(exported)
     output.event("done", cache=loaded.cache.name, **vars(report))

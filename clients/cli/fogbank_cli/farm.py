@@ -7,24 +7,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 import click
-import fogbank
 from fogbank import RenderOptions
 
-from fogbank_cli.camera_paths import camera_path_options, path_cameras
 from fogbank_cli.farm_options import (
     ClusterChoice,
     cluster_options,
     open_scheduler,
     scheduler_options,
 )
-from fogbank_cli.filling import fill
 from fogbank_cli.image_output import exposure_option, follow_and_save, watch_tev_option
 from fogbank_cli.output import Output, duration, quantity
-from fogbank_cli.parameter_types import FramePatternType, ImagePathType
+from fogbank_cli.parameter_types import ImagePathType
 from fogbank_cli.render import load_scene
-from fogbank_cli.render_options import frame_options, picture_options
+from fogbank_cli.render_options import picture_options
 from fogbank_cli.session import Session, json_option, loading_options, openjd_option, pass_session
-from fogbank_cli.sweep import Frame, Totals, fill_options, render_frames
+from fogbank_cli.sweep_frames import SweepChoice, render_sweep, sweep_options
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -75,8 +72,7 @@ def render(
         job = farm.render(
             loaded,
             client,
-            worker_threads=cluster.worker_threads,
-            worker_memory_bytes=cluster.worker_memory,
+            **cluster.worker_limits,
             **options,
         )
         output.event("job", job=job.name, settings=job.settings)
@@ -96,70 +92,35 @@ def render(
 
 
 @farm.command()
-@click.argument("scene", type=click.Path(path_type=Path))
-@click.option("-o", "--output", "pattern", type=FramePatternType(), required=True, help=".exr or .png of each frame.")
-@camera_path_options
+@sweep_options
 @cluster_options
-@click.option("--resume", is_flag=True, help="Skip frames whose file is there.")
-@click.option("--in-flight", type=click.IntRange(1), default=2, show_default=True, help="Frames at once.")
-@frame_options
-@loading_options
-@exposure_option
 @openjd_option
 @json_option
 @pass_session
 def sweep(
     session: Session,
     /,
-    scene: Path,
-    pattern: str,
-    cameras: Path | None,
-    frames: int | None,
-    orbit: int | None,
-    target: tuple[float, float, float] | None,
-    degrees: float | None,
+    choice: SweepChoice,
     cluster: ClusterChoice,
-    resume: bool,
-    in_flight: int,
-    parameters: tuple[tuple[str, str], ...],
-    lenient: bool,
-    root: Path | None,
-    exposure: float,
     **options: Unpack[RenderOptions],
 ) -> None:
-    """Render SCENE along a camera path on a farm: the frames of `fogbank sweep`, bit for bit."""
+    """Render SCENE along a camera path on a farm: the frames of `fogbank sweep`, bit for bit, records included."""
     output = session.output
     with cluster.open() as client, session.connect() as service:
+        from fogbank import farm
+
         report_cluster(client, output)
-        loaded = load_scene(service, output, scene, parameters, lenient, root)
-        path = path_cameras(loaded, cameras=cameras, frames=frames, orbit=orbit, target=target, degrees=degrees)
-        integrator = options.get("integrator") or loaded.defaults.integrator
-        todo = [
-            Frame(number, Path(pattern % number), camera)
-            for number, camera in enumerate(path)
-            if not (resume and Path(pattern % number).is_file())
-        ]
-        Path(pattern % 0).parent.mkdir(parents=True, exist_ok=True)
-        totals = Totals(frames=len(path), skipped=len(path) - len(todo))
-        if todo and integrator in service.capabilities.cached_integrators:
-            report = fill(loaded.cache, path, output, fill_options(options))
-            totals.fill(report)
-            options["epoch"] = report.epoch
-
-        def start(frame_settings: RenderOptions) -> fogbank.Job:
-            from fogbank import farm
-
-            return farm.render(
-                loaded,
-                client,
-                worker_threads=cluster.worker_threads,
-                worker_memory_bytes=cluster.worker_memory,
-                **frame_settings,
-            )
-
-        render_frames(start, todo, options, output, totals, in_flight=in_flight, exposure=exposure)
-    output.event("done", **vars(totals))
-    output.text(totals.summary())
+        loaded = choice.load(service, output)
+        limits = cluster.worker_limits
+        render_sweep(
+            choice,
+            loaded,
+            service,
+            output,
+            options,
+            start=lambda frame: farm.render(loaded, client, **limits, **frame),
+            fill_events=lambda cameras, **fill: farm.fill_events(loaded, client, cameras, **limits, **fill),
+        )
 
 
 @farm.command()

@@ -6,15 +6,17 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 import click
 from fogbank.farm_extra import require_extra, require_package
 
+from fogbank_cli.option_groups import grouped
 from fogbank_cli.parameter_types import SizeInBytesType
 
 if TYPE_CHECKING:
     from distributed import Client
+    from fogbank.farm import WorkerLimits
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
@@ -63,6 +65,11 @@ class ClusterChoice:
     dask_certificate: Path | None
     dask_key: Path | None
 
+    @property
+    def worker_limits(self) -> WorkerLimits:
+        """What `fogbank.farm.render` takes of them."""
+        return {"worker_threads": self.worker_threads, "worker_memory_bytes": self.worker_memory}
+
     def open(self) -> AbstractContextManager[Client]:
         """The cluster's client; UsageError for a contradiction, and where a package is missing."""
         named = [self.local, self.slurm, self.kubernetes]
@@ -89,19 +96,7 @@ class ClusterChoice:
 def cluster_options(command: Callable[..., Result]) -> Callable[..., Result]:
     """Adds the options; the command gets them as `cluster`, a `ClusterChoice`."""
 
-    def with_choice(*arguments: Any, **options: Any) -> Result:  # noqa: ANN401 - the command's own
-        names = ClusterChoice.__dataclass_fields__
-        choice = ClusterChoice(**{name: options.pop(name) for name in names})
-        return command(*arguments, cluster=choice, **options)
-
-    with_choice.__doc__ = command.__doc__
-    with_choice.__name__ = command.__name__
-    wrapped: Callable[..., Result] = with_choice
-    # Click collects the options of the decorators below here.
-    wrapped.__dict__.update(command.__dict__)
-    for option in reversed(_CLUSTER_OPTIONS):
-        wrapped = option(wrapped)
-    return wrapped
+    return grouped(command, "cluster", ClusterChoice, _CLUSTER_OPTIONS)
 
 
 def scheduler_options(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:

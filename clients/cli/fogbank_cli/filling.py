@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable
 
 import fogbank
 from rich.console import Console
@@ -14,13 +13,16 @@ from fogbank_cli.output import Output, duration
 from fogbank_cli.watching import Interrupts
 
 
-def fill(
-    cache: fogbank.SceneCache,
-    cameras: Sequence[Mapping[str, Any]],
-    output: Output,
-    options: fogbank.RenderOptions,
-) -> fogbank.FillProgress:
-    """Makes the records that the cameras need; Ctrl-C ends it, and what is made stays. Returns the last report."""
+def fill(cache: str, reports: Iterable[fogbank.FillProgress], output: Output) -> fogbank.FillProgress:
+    """Shows how a fill goes on; Ctrl-C ends it, and what is made stays.
+
+    Args:
+        cache: its name.
+        reports: what `SceneCache.fill_events` gives, or `fogbank.farm.fill_events`.
+        output: where it is shown.
+
+    Returns: the last report.
+    """
     bar = Progress(
         TextColumn("filling the cache"),
         BarColumn(),
@@ -37,8 +39,8 @@ def fill(
             bar.start()
         try:
             # The server reports several times a second, so a Ctrl-C is soon acted on.
-            for report in cache.fill_events(cameras, **options):
-                output.event("fill", cache=cache.name, **vars(report))
+            for report in reports:
+                output.event("fill", cache=cache, **vars(report))
                 figures = f"camera {report.cameras_done}/{report.cameras_total}, {report.records_new} new records"
                 output.progress(report.fraction, f"filling the cache: {figures}")
                 bar.update(task, completed=report.fraction, figures=figures, refresh=bar.live.is_started)
@@ -47,8 +49,12 @@ def fill(
         finally:
             if bar.live.is_started:
                 bar.stop()
+    return report
+
+
+def tell_filled(cache: str, report: fogbank.FillProgress, output: Output) -> None:
+    """Says what a fill has made."""
     output.text(
-        f"{cache.name[:19]}: filled for {report.cameras_total} camera{'s' if report.cameras_total != 1 else ''} in"
+        f"{cache[:19]}: filled for {report.cameras_total} camera{'s' if report.cameras_total != 1 else ''} in"
         f" {duration(report.elapsed_seconds)}, {records_summary(report.records_reused, report.records_new)}"
     )
-    return report
