@@ -72,6 +72,7 @@ def test_records_that_are_there_are_sent(service: fogbank.Service, cluster: Clie
     assert expected.statistics is not None
     assert job.statistics.records_reused == expected.statistics.records_reused > 0
     assert job.statistics.records_new == expected.statistics.records_new
+    assert job.farm.records == job.statistics.records_reused + job.statistics.records_new
 
 
 def test_a_farm_fills_the_cache_of_one_machine(service: fogbank.Service, cluster: Client, tmp_path: Path) -> None:

@@ -135,7 +135,7 @@ def status(
     dask_certificate: Path | None,
     dask_key: Path | None,
 ) -> None:
-    """Show workers, and what jobs of the last hour did on them: tasks, bytes, stragglers, losses."""
+    """Show workers, and what jobs of the last hour did on them: tiles, records, bytes, stragglers, losses."""
     if scheduler is None:
         raise click.UsageError("give --scheduler, or FOGBANK_SCHEDULER")
     output = session.output
@@ -152,7 +152,19 @@ def status(
     if found.jobs:
         output.text("")
         output.table(
-            ("JOB", "SINCE", "STATE", "TILES", "OTHER TASKS", "CPU", "MOVED", "STRAGGLERS", "LOST", "POISONED"),
+            (
+                "JOB",
+                "SINCE",
+                "STATE",
+                "TILES",
+                "OTHER TASKS",
+                "CPU",
+                "RECORDS",
+                "MOVED",
+                "STRAGGLERS",
+                "LOST",
+                "POISONED",
+            ),
             [_job_row(name, job) for name, job in found.jobs.items()],
         )
 
@@ -216,6 +228,7 @@ def _job_row(name: str, job: dict[str, Any]) -> tuple[str, ...]:
         str(tiles),
         str(sum(kind["tasks"] for kind in kinds.values()) - tiles),
         duration(sum(kind["cpu_seconds"] for kind in kinds.values())),
+        str(farm["records"]),
         quantity(moved, "B"),
         str(farm["stragglers"]),
         str(farm["lost"]),

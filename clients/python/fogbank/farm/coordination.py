@@ -43,6 +43,8 @@ class Leases(Generic[Other]):
         events: queue.Queue[farm_pb2.LeaseTasksResponse | JobEnded | Other],
     ) -> None:
         """Begins to watch the job."""
+        self.records = 0
+        """Records that the job works with so far: those that were there, and those that it has made."""
         self._connection = connection
         self._job = job
         self._events = events
@@ -98,9 +100,11 @@ class Leases(Generic[Other]):
             self._events.put(response)
 
     def _watch(self) -> None:
-        for _ in Job(self._connection, self._job).events(tiles=False):
+        job = Job(self._connection, self._job)
+        for _ in job.events(tiles=False):
             if self._closed:
                 return
+            self.records = job.progress.records_reused + job.progress.records_new
         self._events.put(JobEnded())
 
 

@@ -89,7 +89,9 @@ class Coordinator:
             while True:
                 self._feed(leases)
                 events = self._next_events()
-                if not self._handle(events):
+                goes_on = self._handle(events)
+                self.statistics.records = leases.records
+                if not goes_on:
                     return
         finally:
             leases.close()
@@ -113,10 +115,10 @@ class Coordinator:
                     raise event.error
                 return False
             if isinstance(event, farm_pb2.LeaseTasksResponse):
-                self._leasing = False
-                if event.state in _ENDED:
-                    return False
-                self._take(event)
+                # There is nothing to ask for any more; with the end come the last figures.
+                self._leasing = event.state in _ENDED
+                if not self._leasing:
+                    self._take(event)
         done = [event for event in events if isinstance(event, RunningBatch)]
         if done:
             self._complete(done)

@@ -84,8 +84,11 @@ class FarmStatistics:
     poisoned: int = 0
     """Results that were refused."""
 
+    records: int = 0
+    """In the job's log, by which every worker gets them: those that were there, and those that the job has made."""
+
     log_bytes: int = 0
-    """Of the job's log: what every worker needs to follow it, most of all records."""
+    """Of the log: what every worker needs to follow the job, most of all records."""
 
     scene_bytes: int = 0
     """Of the scene's files, which every worker gets once."""
