@@ -55,10 +55,12 @@ struct Decision {
   std::string reason;  ///< a sentence without its full stop
 };
 
-/// One sample of a pixel, linear sRGB, both parts finite and >= 0.
+/// One sample of a pixel, linear sRGB; all parts finite and >= 0.
 struct PixelSample {
   Spectrum sampled{0};  ///< depends on random numbers only: all samples of a job count
   Spectrum cached{0};   ///< depends on the cache's epoch: replaced when the next one is published
+  /// `sampled` as it would have been with half the radius of everything that blurs; of Integrator::blurs.
+  Spectrum narrow{0};
 };
 
 /// What the cache says along a camera ray, for AOVs and error estimates; means over the look-ups, weighted by
@@ -151,6 +153,9 @@ class Integrator {
   virtual std::unique_ptr<Preparation> prepare(const CameraRays& /*camera*/, const CacheTarget& /*target*/) {
     return nullptr;
   }
+  /// Do samples look around by a radius that falls with their number, so that their mean is off by something
+  /// that falls, too? What it is off by is estimated from PixelSample::narrow.
+  virtual bool blurs() const { return false; }
   /// Samples of a pixel that one pass may take.
   virtual uint32_t most_samples_of_pass() const { return std::numeric_limits<uint32_t>::max(); }
   /// What must be done before `sample` may be asked for these samples, and for no others; null: nothing.

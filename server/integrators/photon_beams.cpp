@@ -37,7 +37,8 @@ PhotonBeamsIntegrator::Shrinking PhotonBeamsIntegrator::shrinking(uint32_t sampl
 PixelSample PhotonBeamsIntegrator::sample(const Ray& ray, RandomStream& random, RayCounters& counters) const {
   if (pass_ == nullptr || pass_->sample != random.sample())
     throw std::logic_error("photon-beams: a sample without its pass");
-  return {.sampled = gather_.radiance(ray, *pass_, random, counters, nullptr)};
+  const Gathered gathered = gather_.radiance(ray, *pass_, random, counters, nullptr);
+  return {.sampled = gathered.radiance, .narrow = gathered.narrow};
 }
 
 std::unique_ptr<Preparation> PhotonBeamsIntegrator::prepare_pass(const CameraRays& camera,

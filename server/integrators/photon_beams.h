@@ -40,6 +40,7 @@ class PhotonBeamsIntegrator final : public Integrator {
 
   /// Throws std::logic_error unless its sample number has been prepared.
   PixelSample sample(const Ray& ray, RandomStream& random, RayCounters& counters) const override;
+  bool blurs() const override { return true; }
   uint32_t most_samples_of_pass() const override { return 1; }
   std::unique_ptr<Preparation> prepare_pass(const CameraRays& camera, const PassSamples& samples) override;
 

@@ -32,14 +32,14 @@ constexpr float most_survival = 0.999f;
 constexpr int32_t most_null_events = 1024;
 
 /// Epanechnikov's kernels on a line and on a disk: of all kernels with compact support they have the least
-/// mean square error. Integral 1.
+/// mean square error. Integral 1; 0 from `radius` on.
 float line_kernel(float gap, float radius) {
   const float share = gap / radius;
-  return 0.75f / radius * (1 - share * share);
+  return 0.75f / radius * std::fmax(1 - share * share, 0.0f);
 }
 float disk_kernel(float distance_squared, float radius) {
   const float radius_squared = radius * radius;
-  return 2 * inv_pi / radius_squared * (1 - distance_squared / radius_squared);
+  return 2 * inv_pi / radius_squared * std::fmax(1 - distance_squared / radius_squared, 0.0f);
 }
 
 /// Transmittance from the beam's origin to the camera, over the share of beams that get as far.
@@ -102,34 +102,36 @@ Spectrum PhotonGather::emission(const Walk& walk, const scene::SurfaceInteractio
          emitter_weight(walk, light, surface);
 }
 
-Spectrum PhotonGather::from_beams(const Walk& walk, float length, const PhotonPass& pass,
+Gathered PhotonGather::from_beams(const Walk& walk, float length, const PhotonPass& pass,
                                   PhotonObserver* observer) const {
-  Spectrum sum(0);
+  Gathered sum;
   if (!pass.beams || !may_scatter(walk)) return sum;
   const MediumInfo& medium = world_->medium(walk.medium);
   const float end_rate = transport::PhotonTracer::end_rate(medium);
   const PhotonBeamGrid& grid = *pass.beams;
+  const float radius = grid.radius();
   grid.find({walk.ray.origin, walk.ray.direction, length}, [&](const BeamCrossing& crossing) {
     const PhotonBeam& beam = grid.beam(crossing.beam);
     if (beam.medium != walk.medium) return;
     if (settings_.max_depth >= 0 && static_cast<int64_t>(beam.depth) + walk.depth + 2 > settings_.max_depth)
       return;
     const float phase = medium.phase.evaluate(beam.direction, -walk.ray.direction);
-    const Spectrum value = beam.flux * weight_along(medium, end_rate, crossing) *
-                           (phase * line_kernel(crossing.gap, grid.radius()) / crossing.sine);
-    sum += value;
+    const Spectrum strength = beam.flux * weight_along(medium, end_rate, crossing) * (phase / crossing.sine);
+    const Spectrum value = strength * line_kernel(crossing.gap, radius);
+    sum.radiance += value;
+    sum.narrow += strength * line_kernel(crossing.gap, 0.5f * radius);
     if (observer != nullptr) {
       observer->beam(beam.path, luminance(walk.throughput * medium.sigma_s * value) *
                                     std::fmin(crossing.sine / observed_sine, 1.0f));
     }
   });
-  return sum * medium.sigma_s;
+  return {sum.radiance * medium.sigma_s, sum.narrow * medium.sigma_s};
 }
 
-Spectrum PhotonGather::from_photons(const Walk& walk, const scene::SurfaceInteraction& surface,
+Gathered PhotonGather::from_photons(const Walk& walk, const scene::SurfaceInteraction& surface,
                                     const Bsdf& bsdf, const PhotonPass& pass,
                                     PhotonObserver* observer) const {
-  Spectrum sum(0);
+  Gathered sum;
   if (observer != nullptr) observer->surface();
   if (!pass.photons) return sum;
   const transport::ShadingPoint point = transport::World::shading_point(surface);
@@ -140,14 +142,18 @@ Spectrum PhotonGather::from_photons(const Walk& walk, const scene::SurfaceIntera
       return;
     if (glm::dot(photon.geometric_normal, surface.geometric_normal) < least_cosine_of_normals) return;
     const Vec3f offset = photon.position - surface.position;
-    if (std::fabs(glm::dot(offset, surface.geometric_normal)) > most_height * radius) return;
+    const float height = std::fabs(glm::dot(offset, surface.geometric_normal));
+    if (height > most_height * radius) return;
     const transport::BsdfValue bsdf_value =
         bsdf.evaluate_with_pdf(point, wo, point.frame.to_local(-photon.direction));
     if (bsdf_value.pdf >= narrow_lobe) return;
     const float cosine = std::fabs(glm::dot(photon.direction, photon.geometric_normal));
     if (!(cosine > 0)) return;
-    const Spectrum value = photon.flux * bsdf_value.value * (disk_kernel(distance_squared, radius) / cosine);
-    sum += value;
+    const Spectrum strength = photon.flux * bsdf_value.value / cosine;
+    const Spectrum value = strength * disk_kernel(distance_squared, radius);
+    sum.radiance += value;
+    if (height <= most_height * 0.5f * radius)
+      sum.narrow += strength * disk_kernel(distance_squared, 0.5f * radius);
     if (observer != nullptr) observer->photon(photon.path, luminance(walk.throughput * value));
   });
   return sum;
@@ -191,10 +197,10 @@ bool PhotonGather::go_on(Walk& walk, const scene::SurfaceInteraction& surface, c
   return true;
 }
 
-Spectrum PhotonGather::radiance(const Ray& ray, const PhotonPass& pass, RandomStream& random,
+Gathered PhotonGather::radiance(const Ray& ray, const PhotonPass& pass, RandomStream& random,
                                 RayCounters& counters, PhotonObserver* observer) const {
-  Spectrum radiance(0);
-  if (settings_.max_depth == 0) return radiance;
+  Gathered sum;
+  if (settings_.max_depth == 0) return sum;
   const scene::Scene& scene = world_->scene();
   Walk walk;
   walk.ray = ray;
@@ -206,13 +212,16 @@ Spectrum PhotonGather::radiance(const Ray& ray, const PhotonPass& pass, RandomSt
     const bool found = scene.intersector->intersect(walk.ray, hit);
     const float length = found ? hit.distance : infinity;
     if (walk.medium != scene::none) {
-      if (!walk.only_emission) radiance += walk.throughput * from_beams(walk, length, pass, observer);
+      if (!walk.only_emission) sum.add(walk.throughput, from_beams(walk, length, pass, observer));
       walk.throughput *= transport::transmittance(world_->medium(walk.medium).sigma_t, length);
-      if (is_black(walk.throughput)) return radiance;
+      if (is_black(walk.throughput)) return sum;
     }
-    if (!found) return radiance + walk.throughput * emission(walk, nullptr);
+    if (!found) {
+      sum.add(walk.throughput * emission(walk, nullptr));
+      return sum;
+    }
     const scene::SurfaceInteraction surface = scene.interaction(walk.ray, hit);
-    radiance += walk.throughput * emission(walk, &surface);
+    sum.add(walk.throughput * emission(walk, &surface));
     const Bsdf& bsdf = world_->bsdf(hit.shape);
     if (bsdf.has_smooth_lobes() && may_scatter(walk) && !walk.only_emission) {
       const transport::ShadingPoint point = transport::World::shading_point(surface);
@@ -222,14 +231,14 @@ Spectrum PhotonGather::radiance(const Ray& ray, const PhotonPass& pass, RandomSt
           lambertian ? EmissionFoundBy::light_sampling : EmissionFoundBy::light_and_path_sampling;
       const int32_t samples = world_->lights().size() == 0 ? 0 : lambertian ? direct_light_samples : 1;
       for (int32_t i = 0; i < samples; ++i) {
-        radiance += walk.throughput / static_cast<float>(samples) *
-                    reflected_direct_light(*world_, surface, walk.ray.direction, walk.medium, found_by,
-                                           random, counters);
+        sum.add(walk.throughput / static_cast<float>(samples) *
+                reflected_direct_light(*world_, surface, walk.ray.direction, walk.medium, found_by, random,
+                                       counters));
       }
-      radiance += walk.throughput * from_photons(walk, surface, bsdf, pass, observer);
-      if (lambertian) return radiance;
+      sum.add(walk.throughput, from_photons(walk, surface, bsdf, pass, observer));
+      if (lambertian) return sum;
     }
-    if (!go_on(walk, surface, bsdf, random)) return radiance;
+    if (!go_on(walk, surface, bsdf, random)) return sum;
   }
 }
 

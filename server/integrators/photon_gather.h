@@ -27,6 +27,21 @@ class PhotonObserver {
   virtual void surface() = 0;
 };
 
+/// W/(m^2 sr).
+struct Gathered {
+  Spectrum radiance{0};
+  Spectrum narrow{0};  ///< the same with kernels of half the radius
+
+  void add(const Spectrum& everywhere) {
+    radiance += everywhere;
+    narrow += everywhere;
+  }
+  void add(const Spectrum& throughput, const Gathered& part) {
+    radiance += throughput * part.radiance;
+    narrow += throughput * part.narrow;
+  }
+};
+
 /// Every light path counts once. Seen from the camera, its first event in a medium or in a broad lobe of a
 /// surface is where it is gathered: in a medium by beams, whatever their depth; on a surface by photons that
 /// were scattered before, and by sampling the lights for light that was not. Immutable.
@@ -36,7 +51,7 @@ class PhotonGather {
       : world_(std::move(world)), settings_(settings) {}
 
   /// One sample of the radiance that arrives along a camera ray. `observer` may be null.
-  Spectrum radiance(const Ray& ray, const PhotonPass& pass, RandomStream& random, RayCounters& counters,
+  Gathered radiance(const Ray& ray, const PhotonPass& pass, RandomStream& random, RayCounters& counters,
                     PhotonObserver* observer) const;
 
   const transport::World& world() const { return *world_; }
@@ -48,9 +63,9 @@ class PhotonGather {
   /// Beam x beam estimate with a kernel across both (Jarosz et al. 2011, "A Comprehensive Theory of
   /// Volumetric Radiance Estimation Using Photon Points and Beams"), of light that the medium
   /// scatters between the ray's origin and its end.
-  Spectrum from_beams(const Walk& walk, float length, const PhotonPass& pass, PhotonObserver* observer) const;
+  Gathered from_beams(const Walk& walk, float length, const PhotonPass& pass, PhotonObserver* observer) const;
   /// Photon density estimate (Jensen 1996) of light that was scattered before.
-  Spectrum from_photons(const Walk& walk, const scene::SurfaceInteraction& surface,
+  Gathered from_photons(const Walk& walk, const scene::SurfaceInteraction& surface,
                         const transport::Bsdf& bsdf, const PhotonPass& pass, PhotonObserver* observer) const;
   Spectrum emission(const Walk& walk, const scene::SurfaceInteraction* surface) const;
   float emitter_weight(const Walk& walk, uint32_t light, const scene::SurfaceInteraction* hit) const;

@@ -214,7 +214,8 @@ void PhotonPreparation::look(uint32_t row, RayCounters& counters) {
     Look look;
     LookObserver observer(look);
     const Ray ray = pilot_ray(column, row, random);
-    look.radiance = luminance(integrator_.gather().radiance(ray, *pass_, random, counters, &observer));
+    look.radiance =
+        luminance(integrator_.gather().radiance(ray, *pass_, random, counters, &observer).radiance);
     // What a path adds in several places adds up.
     std::stable_sort(look.shares.begin(), look.shares.end(),
                      [](const auto& a, const auto& b) { return a.first < b.first; });

@@ -15,7 +15,8 @@
 namespace fogbank::render {
 
 // Layout, little-endian: magic, version, length and bytes of the identity, fixed fields, history, tiles
-// (pixel count, then both sums of each pixel), and SHA-256 of all before as 64 hexadecimal digits.
+// (the layers `sampled` and `narrow`: pixel count, then both sums of each pixel), and SHA-256 of all before
+// as 64 hexadecimal digits.
 static_assert(std::endian::native == std::endian::little);
 static_assert(sizeof(PixelSums) == 6 * sizeof(double) && std::is_trivially_copyable_v<PixelSums>);
 
@@ -147,6 +148,20 @@ HistoryEntry get_history_entry(Decoder& decoder) {
   return entry;
 }
 
+void put(HashedFile& file, const std::vector<PixelSums>& layer) {
+  Encoder count;
+  count.put(static_cast<uint64_t>(layer.size()));
+  file.put(count.bytes());
+  file.put({reinterpret_cast<const char*>(layer.data()), layer.size() * sizeof(PixelSums)});
+}
+
+std::vector<PixelSums> get_layer(Decoder& decoder) {
+  std::vector<PixelSums> layer(decoder.get_count(sizeof(PixelSums)));
+  const std::string_view sums = decoder.take(layer.size() * sizeof(PixelSums));
+  if (!sums.empty()) std::memcpy(static_cast<void*>(layer.data()), sums.data(), sums.size());
+  return layer;
+}
+
 std::string head_of(const Checkpoint& checkpoint, const std::string& identity) {
   Encoder encoder;
   encoder.put(version);
@@ -175,11 +190,8 @@ void write_checkpoint(const std::filesystem::path& path, const Checkpoint& check
     file.put(magic);
     file.put(head_of(checkpoint, identity));
     for (const auto& tile : checkpoint.tiles) {
-      Encoder count;
-      count.put(static_cast<uint64_t>(tile->sampled.size()));
-      file.put(count.bytes());
-      file.put(
-          {reinterpret_cast<const char*>(tile->sampled.data()), tile->sampled.size() * sizeof(PixelSums)});
+      put(file, tile->sampled);
+      put(file, tile->narrow);
     }
     FOGBANK_FAILPOINT("checkpoint.before_sync");
     file.finish();
@@ -216,9 +228,8 @@ Checkpoint read_checkpoint(const std::filesystem::path& path, const std::string&
     auto film = std::make_shared<TileFilm>();
     film->passes = checkpoint.passes;
     film->samples = checkpoint.samples;
-    film->sampled.resize(decoder.get_count(sizeof(PixelSums)));
-    const std::string_view sums = decoder.take(film->sampled.size() * sizeof(PixelSums));
-    if (!sums.empty()) std::memcpy(static_cast<void*>(film->sampled.data()), sums.data(), sums.size());
+    film->sampled = get_layer(decoder);
+    film->narrow = get_layer(decoder);
     tile = std::move(film);
   }
   if (!decoder.at_end()) damaged("it is longer than it says");

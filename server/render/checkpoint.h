@@ -12,7 +12,7 @@
 
 namespace fogbank::render {
 
-/// A job as after a finished pass. It has one film layer: what a cached layer rests on is not in a file.
+/// A job as after a finished pass. It has no cached film layer: what that rests on is not in a file.
 struct Checkpoint {
   uint32_t passes = 0;
   uint32_t samples = 0;                                ///< per pixel

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 namespace fogbank::render {
@@ -98,6 +99,31 @@ double wanted_share_of_cached_samples(const std::vector<const TileFilm*>& tiles)
                                }) *
       std::sqrt(first.cached_samples.sum());
   return cached < sampled ? std::fmax(cached / sampled, least_share_of_cached_samples) : 1;
+}
+
+double relative_blur(const std::vector<const TileFilm*>& tiles) {
+  const double mean = mean_luminance(tiles);
+  if (!(mean > 0)) return 0;
+  std::vector<double> squares;
+  for (const TileFilm* tile : tiles) {
+    const SampleCounts samples = tile->all_samples();
+    if (tile->narrow.empty() || samples.even == 0 || samples.odd == 0) return 0;
+    for (size_t pixel = 0; pixel < tile->sampled.size(); ++pixel) {
+      const PixelSums& wide = tile->sampled[pixel];
+      const PixelSums& narrow = tile->narrow[pixel];
+      const PixelSums difference{wide.even - narrow.even, wide.odd - narrow.odd};
+      const double bias = 2 * luminance_of(difference.mean(samples));
+      const double error = 2 * luminance_of(difference.standard_error(samples));
+      const double scale = luminance_of(wide.mean(samples)) + 0.1 * mean;
+      squares.push_back((bias * bias - error * error) / (scale * scale));
+    }
+  }
+  // Without the 0.1 % that are the furthest from 0, as single fireflies would decide it otherwise.
+  const auto kept = static_cast<std::ptrdiff_t>(squares.size() - squares.size() / 1000);
+  std::nth_element(squares.begin(), squares.begin() + (kept - 1), squares.end(),
+                   [](double a, double b) { return std::fabs(a) < std::fabs(b); });
+  const double sum = std::accumulate(squares.begin(), squares.begin() + kept, 0.0);
+  return std::sqrt(std::fmax(sum / static_cast<double>(kept), 0.0));
 }
 
 }  // namespace fogbank::render

@@ -1,7 +1,8 @@
 // Sums of radiance samples, in two layers: what random numbers alone decide, and what the cache's epoch
-// decides, which begins anew with each epoch. Memory: 48 bytes a pixel and layer; the second layer exists
-// only where an integrator prepares something. A tile whose pass isn't finished yet is kept as it was before,
-// too (render_job.cpp), which makes it 96 bytes a pixel, or 192 with both layers.
+// decides, which begins anew with each epoch. A third one holds what samples that are blurred would be with
+// less blur, for the estimate of their error. Memory: 48 bytes a pixel and layer; the second and third layer
+// exist only where an integrator prepares something, or blurs. A tile whose pass isn't finished yet is kept
+// as it was before, too (render_job.cpp), which makes it 96 bytes a pixel, or 192 with two layers.
 #pragma once
 
 #include <bit>
@@ -64,6 +65,12 @@ struct PixelSums {
   Vec3d standard_error(SampleCounts samples) const;
 };
 
+/// Those that a film may have besides the first.
+struct FilmLayers {
+  bool cached = false;
+  bool narrow = false;
+};
+
 /// One tile after some number of passes; row by row.
 struct TileFilm {
   uint32_t passes = 0;
@@ -72,6 +79,7 @@ struct TileFilm {
   uint32_t first_cached_sample = 0;  ///< the first of the present epoch
   SampleCounts cached_samples;       ///< since then, not all have looked at the cache
   std::vector<PixelSums> cached;     ///< of these
+  std::vector<PixelSums> narrow;  ///< PixelSample::narrow of all samples, or empty; not part of the picture
 
   SampleCounts all_samples() const { return SampleCounts::of_range(0, samples); }
   Vec3d mean(size_t pixel) const;
@@ -103,5 +111,12 @@ double relative_disagreement(const std::vector<const TileFilm*>& tiles);
 /// samples, the least variance of the sum is where they go as the layers' noise of one sample. 1 where that
 /// is not known: where a layer has but one sample in either half, or none has noise.
 double wanted_share_of_cached_samples(const std::vector<const TileFilm*>& tiles);
+
+/// What blur adds to the error of an image, in the same measure. What the mean of a pixel is off by grows
+/// about with the radius (method: at walls and edges, where a kernel reaches over to where nothing is, the
+/// mean over many places does so exactly), so it is twice the difference D to the mean with half the radius;
+/// its square is estimated by (2 D)^2 less the variance of 2 D from the half buffers, which may be negative
+/// in a pixel, not in the result. 0 where films have no narrow layer, with one sample, or for a black image.
+double relative_blur(const std::vector<const TileFilm*>& tiles);
 
 }  // namespace fogbank::render

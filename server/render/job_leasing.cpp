@@ -62,7 +62,7 @@ LeasedTask RenderJob::Implementation::describe(const Task& task, uint32_t its_st
       before = films.current(tile.tile);
     }
     leased.index = tile.tile;
-    input.what = TileInput{.task = tile, .film = film_for(tile, layered, before.get())};
+    input.what = TileInput{.task = tile, .film = film_for(tile, film_layers(), before.get())};
   }
   leased.input = bytes_of(input);
   return leased;
@@ -140,15 +140,15 @@ Completion RenderJob::Implementation::complete_round_task(uint32_t its_stage, ui
 Completion RenderJob::Implementation::complete_tile(uint32_t its_stage, uint32_t index,
                                                     const TaskResult& result) {
   TileTask task;
-  bool has_cached = false;
+  FilmLayers layers;
   {
     const std::lock_guard lock(mutex);
     if (stage != its_stage || index >= films.grid().count()) return Completion::ignored;
     task = films.task(index);
     if (films.is_done(task)) return Completion::ignored;
-    has_cached = layered;
+    layers = film_layers();
   }
-  auto film = std::make_shared<const TileFilm>(film_after(task, has_cached, result.bytes));
+  auto film = std::make_shared<const TileFilm>(film_after(task, layers, result.bytes));
   TileFilmPointer outdated;  // outlives the lock, so that its memory isn't freed under it
   const std::lock_guard lock(mutex);
   watch_time();  // what comes too late doesn't count

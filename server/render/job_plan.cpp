@@ -39,7 +39,8 @@ Standing RenderJob::Implementation::standing() const {
           .bias = told.estimate.bias,
           .disagreement = told.estimate.disagreement,
           .cached_share = cached_share,
-          .cached_samples = cached_samples_done};
+          .cached_samples = cached_samples_done,
+          .bias_falls = integrator->blurs()};
 }
 
 std::optional<RenderJob::Implementation::Phase> RenderJob::Implementation::plan() {
@@ -220,6 +221,7 @@ void RenderJob::Implementation::judge_pass() {
   cached_samples_done = any_tile.cached_samples.sum();
   if (estimate.disagreement > 0) estimate.noise = progression.noise(estimate.disagreement, any_tile.samples);
   if (bias_survey.rows() > 0) estimate.bias = relative_bias(image, settings.film.crop, bias_survey);
+  if (integrator->blurs()) estimate.bias = relative_blur(tiles);
   if (estimate.noise) estimate.error = std::hypot(*estimate.noise, estimate.bias);
   if (comparison) estimate.true_error = comparison->compare(image);
 

@@ -66,8 +66,9 @@ void RenderJob::resume(const Checkpoint& checkpoint) {
     refuse("its tiles are not the job's");
   for (uint32_t index = 0; index < checkpoint.tiles.size(); ++index) {
     const scene::Window window = job.films.grid().window(index);
-    if (checkpoint.tiles[index]->sampled.size() !=
-        static_cast<size_t>(window.width) * static_cast<size_t>(window.height)) {
+    const size_t pixels = static_cast<size_t>(window.width) * static_cast<size_t>(window.height);
+    const TileFilm& tile = *checkpoint.tiles[index];
+    if (tile.sampled.size() != pixels || tile.narrow.size() != (job.film_layers().narrow ? pixels : 0)) {
       refuse("its tiles are not the job's");
     }
   }

@@ -147,7 +147,7 @@ bool RenderJob::Implementation::run_task(const TileTask& task, const std::atomic
     deadline = pass_deadline();
     ++running;
   }
-  TileFilm film = film_for(task, layered, before.get());
+  TileFilm film = film_for(task, film_layers(), before.get());
   bool complete = false;
   try {
     if (deadline) counters.rays.deadline = *deadline;

@@ -51,6 +51,7 @@ TileFilm take_film(ByteReader& reader) {
   film.cached_samples.odd = reader.take<uint32_t>();
   film.sampled = take_layer(reader);
   film.cached = take_layer(reader);
+  film.narrow = take_layer(reader);
   return film;
 }
 
@@ -67,7 +68,9 @@ TileInput take_tile(ByteReader& reader) {
   task.sample_count = reader.take<uint32_t>();
   task.first_cached_sample = reader.take<uint32_t>();
   task.cached_sample_count = reader.take<uint32_t>();
-  const bool layered = reader.take<uint8_t>() != 0;
+  FilmLayers layers;
+  layers.cached = reader.take<uint8_t>() != 0;
+  layers.narrow = reader.take<uint8_t>() != 0;
   const auto is_side = [](int32_t side) { return side >= 1 && side <= RenderLimits::largest_tile; };
   const auto is_place = [](int32_t place) { return place >= 0 && place < RenderLimits::film_side; };
   constexpr auto most = static_cast<uint32_t>(RenderLimits::samples_per_pixel);
@@ -81,9 +84,10 @@ TileInput take_tile(ByteReader& reader) {
   if (begun) before = take_film(reader);
   const size_t pixels = pixel_count(task.window);
   if (begun && (before.sampled.size() != pixels ||
-                (!before.cached.empty() && (!layered || before.cached.size() != pixels))))
+                (!before.cached.empty() && (!layers.cached || before.cached.size() != pixels)) ||
+                before.narrow.size() != (layers.narrow ? pixels : 0)))
     refuse_poisoned("a film has not the size of its tile");
-  input.film = film_for(task, layered, begun ? &before : nullptr);
+  input.film = film_for(task, layers, begun ? &before : nullptr);
   return input;
 }
 
@@ -124,6 +128,7 @@ void append(std::string& bytes, const TileInput& input) {
   append_bytes(bytes, task.first_cached_sample);
   append_bytes(bytes, task.cached_sample_count);
   append_bytes(bytes, static_cast<uint8_t>(!input.film.cached.empty()));
+  append_bytes(bytes, static_cast<uint8_t>(!input.film.narrow.empty()));
   // A film without samples is black, and a layer without samples needs no bytes.
   const bool begun = input.film.samples > 0;
   append_bytes(bytes, static_cast<uint8_t>(begun));
@@ -136,16 +141,18 @@ void append(std::string& bytes, const TileInput& input) {
   append_layer(bytes, input.film.sampled);
   append_layer(bytes,
                task.first_cached_sample < task.first_sample ? input.film.cached : std::vector<PixelSums>{});
+  append_layer(bytes, input.film.narrow);
 }
 
 }  // namespace
 
-TileFilm film_for(const TileTask& task, bool layered, const TileFilm* before) {
+TileFilm film_for(const TileTask& task, FilmLayers layers, const TileFilm* before) {
   TileFilm film;
   if (before != nullptr) film = *before;
   const size_t pixels = pixel_count(task.window);
   film.sampled.resize(pixels);
-  if (!layered) return film;
+  if (layers.narrow) film.narrow.resize(pixels);
+  if (!layers.cached) return film;
   if (film.first_cached_sample != task.first_cached_sample) {
     film.cached.clear();
     film.cached_samples = {};
@@ -164,18 +171,20 @@ std::string bytes_of(const TileFilm& film) {
   append_bytes(bytes, film.cached_samples.odd);
   append_layer(bytes, film.sampled);
   append_layer(bytes, film.cached);
+  append_layer(bytes, film.narrow);
   return bytes;
 }
 
-TileFilm film_after(const TileTask& task, bool layered, std::string_view bytes) {
+TileFilm film_after(const TileTask& task, FilmLayers layers, std::string_view bytes) {
   ByteReader reader(bytes);
   TileFilm film = take_film(reader);
   cache::expect_end(reader);
   const size_t pixels = pixel_count(task.window);
   if (film.passes != task.pass + 1 || film.samples != task.first_sample + task.sample_count ||
-      (layered && film.first_cached_sample != task.first_cached_sample))
+      (layers.cached && film.first_cached_sample != task.first_cached_sample))
     refuse_poisoned("its samples are not the task's");
-  if (film.sampled.size() != pixels || film.cached.size() != (layered ? pixels : 0))
+  if (film.sampled.size() != pixels || film.cached.size() != (layers.cached ? pixels : 0) ||
+      film.narrow.size() != (layers.narrow ? pixels : 0))
     refuse_poisoned("it has not the size of its tile");
   return film;
 }

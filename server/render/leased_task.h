@@ -60,9 +60,9 @@ TaskInput task_input(std::string_view bytes);
 std::string bytes_of(const TileFilm& film);
 /// The film that `before` has become by `task`. Throws Error(invalid_argument, "POISONED_RESULT") unless size
 /// and sample numbers are right and every sum is finite and not negative.
-TileFilm film_after(const TileTask& task, bool layered, std::string_view bytes);
+TileFilm film_after(const TileTask& task, FilmLayers layers, std::string_view bytes);
 
 /// The film that a task adds its samples to: `before` (null: black) with the layers that it needs.
-TileFilm film_for(const TileTask& task, bool layered, const TileFilm* before);
+TileFilm film_for(const TileTask& task, FilmLayers layers, const TileFilm* before);
 
 }  // namespace fogbank::render

@@ -26,8 +26,8 @@ struct TrueError {
 /// `relative_disagreement` in film.h.
 struct ErrorEstimate {
   std::optional<double> noise;  ///< from the half buffers; none with one sample of a layer or a black image
-  double disagreement = 0;      ///< of the half buffers, which `noise` is made of: noise_of_film
-  double bias = 0;  ///< of the cache: extrapolation and noise of records, as CacheView tells; 0: none
+  double disagreement = 0;      ///< of the half buffers, which `noise` is made of: Progression::noise
+  double bias = 0;  ///< of the cache: extrapolation and noise of records, as CacheView tells; or of blur
   std::optional<double> error;          ///< sqrt(noise^2 + bias^2); none without noise
   std::optional<TrueError> true_error;  ///< with a reference image
 };

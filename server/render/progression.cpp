@@ -159,7 +159,8 @@ bool Progression::good_enough(const Standing& standing) const {
   if (standing.samples * static_cast<uint64_t>(pixels) < least_samples_of_film) return false;
   if (std::hypot(*standing.noise, standing.bias) <= settings_.error) return true;
   // What is left is bias, and nothing can be done about that.
-  return !prepares_ && standing.bias > settings_.error && *standing.noise < 0.5 * standing.bias;
+  return !prepares_ && !standing.bias_falls && standing.bias > settings_.error &&
+         *standing.noise < 0.5 * standing.bias;
 }
 
 bool Progression::fits(const Standing& standing) const {

@@ -33,6 +33,7 @@ struct Standing {
   double disagreement = 0;      ///< of the last pass's half buffers (film.h)
   double cached_share = 1;      ///< of samples, that should look at the cache (film.h)
   uint32_t cached_samples = 0;  ///< per pixel, that looked at the cache as it is
+  bool bias_falls = false;      ///< with more samples
 };
 
 /// What the cache's stages come down to: its share of the error that is asked for.

@@ -39,6 +39,7 @@ struct RenderJob::Implementation {
   // These are called with `mutex` held.
 
   bool ended() const { return finished || cancelled; }
+  FilmLayers film_layers() const { return {.cached = layered, .narrow = integrator->blurs()}; }
   double elapsed_seconds() const;
   void stop_all();
   /// Stops what can't go on for want of time: what is left is to be planned then.

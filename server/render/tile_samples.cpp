@@ -12,6 +12,7 @@ uint64_t add_samples(const TileTask& task, const integrators::Integrator& integr
   uint32_t until_poll = 0;
   uint64_t invalid_samples = 0;
   const bool layered = !film.cached.empty();
+  const bool blurred = !film.narrow.empty();
   const uint32_t end_sample = task.first_sample + task.sample_count;
   const uint32_t end_cached = task.first_sample + task.cached_sample_count;
   size_t pixel = 0;
@@ -30,14 +31,14 @@ uint64_t add_samples(const TileTask& task, const integrators::Integrator& integr
         const Spectrum sum = sample.sampled + sample.cached;
         // A single NaN would stay in the pixel for ever. Black is wrong as well, hence the count, which isn't
         // hidden.
-        if (!is_finite(sum) || min_component(sample.sampled) < 0 || min_component(sample.cached) < 0) {
+        if (!is_finite(sum) || min_component(sample.sampled) < 0 || min_component(sample.cached) < 0 ||
+            !is_finite(sample.narrow) || min_component(sample.narrow) < 0) {
           ++invalid_samples;
-        } else if (layered) {
-          film.sampled[pixel].add(index, sample.sampled);
-          if (index < end_cached) film.cached[pixel].add(index, sample.cached);
-        } else {
-          film.sampled[pixel].add(index, sum);
+          continue;
         }
+        film.sampled[pixel].add(index, layered ? sample.sampled : sum);
+        if (layered && index < end_cached) film.cached[pixel].add(index, sample.cached);
+        if (blurred) film.narrow[pixel].add(index, sample.narrow);
       }
     }
   }

@@ -119,7 +119,8 @@ def test_workers_behind_a_slow_link(
         image = job.result()
         record(f"one of two workers behind {LINK_RATE}", time.monotonic() - began, "s")
         job.join_farm()
-@pytest.mark.parametrize("options", [TILES, RECORDS], ids=["tiles", "records"])
+    assert_same_pictures(image, expected(options).image)
+    assert sum(f"//{cable.there}:" in address for address in job.farm.workers) == 1
 
 
 def test_scheduler_and_workers_with_certificates(service: fogbank.Service, tmp_path: Path, expected: Expected) -> None:

@@ -123,15 +123,16 @@ def _summary(job: fogbank.Job, statistics: fogbank.RenderStatistics, paths: Sequ
 
 def error_summary(statistics: fogbank.RenderStatistics) -> str:
     """What is known about the error of an image."""
-    if statistics.cache is None:
+    if statistics.cache is None and not statistics.bias:
         noise = statistics.relative_noise
         text = "noise unknown" if noise is None else f"estimated noise {100.0 * noise:.2g} %"
     elif statistics.estimated_error is None or statistics.noise is None or statistics.bias is None:
         text = "error unknown"
     else:
+        what = "blur" if statistics.cache is None else "cache"
         text = (
             f"estimated error {100.0 * statistics.estimated_error:.2g} %"
-            f" (noise {100.0 * statistics.noise:.2g} %, cache {100.0 * statistics.bias:.2g} %)"
+            f" (noise {100.0 * statistics.noise:.2g} %, {what} {100.0 * statistics.bias:.2g} %)"
         )
     if statistics.true_error is not None:
         text += (

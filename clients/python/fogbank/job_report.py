@@ -108,7 +108,8 @@ class ErrorReport:
     """Share of the samples' noise, which falls with every pass; None with one sample per pixel or a black image."""
 
     bias: float
-    """Share of the records, their extrapolation and their own noise, which falls with more records; 0 without cache."""
+    """Share of the records, their extrapolation and their own noise, which falls with more records; of photon beams, of
+    their blur, which falls with more samples; else 0."""
 
     true_error: TrueError | None
     """Distance to the reference image; None without one."""
@@ -181,7 +182,7 @@ class Progress:
     """Share of `estimated_error` that comes from the samples; None while unknown."""
 
     bias: float | None
-    """Share of `estimated_error` that comes from the records; None before the first pass."""
+    """Share of `estimated_error` that comes from records or blur; None before the first pass."""
 
     true_error: TrueError | None
     """Distance to the reference image; None without one."""
@@ -267,7 +268,7 @@ class RenderStatistics:
     """Share of `estimated_error` that comes from the samples; None if unknown."""
 
     bias: float | None
-    """Share of `estimated_error` that comes from the records; None if unknown."""
+    """Share of `estimated_error` that comes from records or blur; None if unknown."""
 
     true_error: TrueError | None
     """Distance to the reference image; None without one."""

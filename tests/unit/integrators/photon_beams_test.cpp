@@ -237,7 +237,7 @@ TEST(PhotonBeams, OneBeamScattersOnceAsTheClosedFormSays) {
     RandomStream random(0, 0, 0, 0);
     // Meets the beam 1.5 from its begin, 2 from here.
     const Ray ray{Vec3f(0.5f, 0, height) - 2.0f * direction, direction, infinity};
-    sum += Vec3d(gather.radiance(ray, pass, random, counters, nullptr)) * height_step;
+    sum += Vec3d(gather.radiance(ray, pass, random, counters, nullptr).radiance) * height_step;
   }
   const transport::MediumInfo& medium = world->medium(0);
   const double g = 0.6;

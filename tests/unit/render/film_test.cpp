@@ -184,5 +184,41 @@ TEST(RelativeNoise, BlackImageHasNone) {
   EXPECT_FALSE(job.progress().estimate.noise.has_value());
 }
 
+TEST(RelativeBlur, IsTwiceTheDifferenceToHalfTheRadius) {
+  // Samples 1.1 + noise, with half the radius 1.05 + other noise: in the limit of no radius 1. The noise of a
+  // pixel's mean is ten times what is looked for.
+  const auto blur = [](float wide, float narrow, float noise) {
+    TileFilm tile;
+    tile.samples = 16;
+    tile.sampled.resize(65536);
+    tile.narrow.resize(65536);
+    for (uint32_t pixel = 0; pixel < 65536; ++pixel) {
+      RandomStream random(0, pixel, 0, 0);
+      for (uint32_t sample = 0; sample < 16; ++sample) {
+        tile.sampled[pixel].add(sample, Spectrum(wide + noise * (random.next_float() - 0.5f)));
+        tile.narrow[pixel].add(sample, Spectrum(narrow + noise * (random.next_float() - 0.5f)));
+      }
+    }
+    return relative_blur({&tile});
+  };
+  EXPECT_NEAR(blur(1.1f, 1.05f, 0), 0.1 / (1.1 * 1.1), 1e-6);
+  EXPECT_NEAR(blur(1.05f, 1.1f, 0), 0.1 / (1.1 * 1.05), 1e-6) << "in either direction";
+  // Twice a difference of two means of 16 samples of variance 1 / 12 has the standard deviation s = 0.204.
+  // The square of a normal variable less an estimate of its variance with one degree of freedom has the
+  // standard deviation 2 s^2 = 0.083; of the mean of 65536 of them, 4.42 standard errors are 1.4e-3, a
+  // seventh of 0.01.
+  EXPECT_NEAR(blur(1.1f, 1.05f, 1), 0.1 / (1.1 * 1.1), 0.1 * 0.1 / 1.21);
+  EXPECT_EQ(blur(0, 0, 0), 0);
+}
+
+TEST(RelativeBlur, IsNotKnownOfOneSample) {
+  TileFilm tile;
+  tile.samples = 1;
+  tile.sampled.resize(4);
+  tile.narrow.resize(4);
+  for (PixelSums& pixel : tile.sampled) pixel.add(0, Spectrum(1));
+  EXPECT_EQ(relative_blur({&tile}), 0);
+}
+
 }  // namespace
 }  // namespace fogbank::render

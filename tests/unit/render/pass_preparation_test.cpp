@@ -2,8 +2,11 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <cmath>
+#include <filesystem>
 #include <optional>
 
+#include "render/checkpoint.h"
 #include "render/render_to_image.h"
 #include "transport/world_builders.h"
 
@@ -70,6 +73,41 @@ TEST(PassPreparation, FewerSamplesAreTheFirstOfMore) {
     job.run(*task, stop);
   }
   EXPECT_EQ(job.image().rgb, first.rgb);
+}
+
+TEST(PassPreparation, BlurCountsAsBiasAndFalls) {
+  const auto world = foggy_world();
+  RenderSettings settings = settings_for(*world);
+  const auto bias = [&](int32_t samples) {
+    settings.samples_per_pixel = samples;
+    RenderJob job(world, settings);
+    run_to_completion(job, 2);
+    const ErrorEstimate estimate = job.progress().estimate;
+    EXPECT_DOUBLE_EQ(estimate.error.value(), std::hypot(estimate.noise.value(), estimate.bias));
+    return estimate.bias;
+  };
+  const double few = bias(4);
+  EXPECT_GT(few, 0);
+  // Radii fall to the cube root of 1 / 8; the estimate's own noise falls, too.
+  EXPECT_LT(bias(32), 0.8 * few);
+}
+
+TEST(PassPreparation, AResumedJobKnowsItsBlur) {
+  const auto world = foggy_world();
+  const RenderSettings settings = settings_for(*world);
+  RenderJob whole(world, settings);
+  run_to_completion(whole, 2);
+  const std::atomic<bool> stop = false;
+  RenderJob begun(world, settings);
+  while (begun.progress().passes_done < 3) begun.run(begun.next_task().value(), stop);
+  const auto path = std::filesystem::path(testing::TempDir()) / "blurred.checkpoint";
+  write_checkpoint(path, begun.checkpoint().value(), "job");
+  RenderJob resumed(world, settings);
+  resumed.resume(read_checkpoint(path, "job"));
+  std::filesystem::remove(path);
+  run_to_completion(resumed, 2);
+  EXPECT_EQ(resumed.image().rgb, whole.image().rgb);
+  EXPECT_EQ(resumed.progress().estimate.bias, whole.progress().estimate.bias);
 }
 
 TEST(PassPreparation, ATimeBudgetEndsAJobWithWholePasses) {
