@@ -1,9 +1,9 @@
 """Photon beams against the references of path tracing, with a bound of the bias that their blur leaves.
 
-All emitters, all kinds of media, specular surfaces, our own scenes. Their pictures are blurred on purpose, less and less
-with the number of samples, so they can't be those of Mitsuba up to noise, and the oracle's test of every pixel would only
-say so. Instead the difference is measured, with the noise of both sides taken off, and held against the bias that the jobs
-themselves report (`JobStatistics.bias`, root mean square over the pixels, relative as `fogbank.ErrorReport` says):
+All emitters, all kinds of media, specular surfaces, our own scenes. Their pictures are blurred on purpose, less and
+less with the number of samples, so they can't be those of Mitsuba up to noise, and the oracle's test of every pixel
+would only say so. Instead the difference is measured, the noise of both sides taken off, and held against the bias
+that the jobs themselves report (`RenderStatistics.bias`, root mean square over the pixels, see `fogbank.ErrorReport`):
 
 1. Pixels. The root mean square of what is off in them is at most PIXEL_FACTOR times what was reported, plus SLACK.
 2. Image. Its mean is off by at most what was reported, SLACK and three standard errors.
@@ -20,18 +20,25 @@ import pytest
 from fogbank import Service
 from numpy.typing import NDArray
 
-from tests.oracle import references, zcheck
+from tests.oracle import references
 from tests.oracle.cases import Case, stored_cases
 
 Array = NDArray[np.float64]
 
 FIRST_SEED = 4000
 KINDS = ("emitter_", "medium_", "phase_", "scenes_", "bsdf_dielectric", "bsdf_roughconductor_ggx")
-QUICK = ("emitter_envmap", "emitter_area_mesh", "medium_chromatic_20", "medium_dense", "medium_dielectric", "scenes_stairs")
-"""Light from everywhere, from a mesh; channels that differ; where blur matters most; glass; fog that scatters forward."""
+QUICK = (
+    "emitter_envmap",
+    "emitter_area_mesh",
+    "medium_chromatic_20",
+    "medium_dense",
+    "medium_dielectric",
+    "scenes_stairs",
+)
+"""Light from everywhere, from a mesh; channels that differ; where blur matters most; glass; forward scattering."""
 PIXEL_FACTOR = 2.0
-"""The report takes bias to grow with the radius. Where it grows with its square, it reports half as much again as there
-is; in a caustic that is narrower than the radius it grows slower than that, and too little is reported."""
+"""The report takes bias to grow with the radius. Where it grows with its square, half as much again is reported as
+there is; in a caustic that is narrower than the radius it grows more slowly, and too little is reported."""
 SLACK = 0.005
 """Of the mean: what is too small for a few batches to tell from their noise."""
 LUMINANCE = np.array([0.212671, 0.715160, 0.072169])
@@ -59,9 +66,11 @@ def measure(service: Service, case: Case, spp: int, batches: int) -> Blur:
     for seed in range(FIRST_SEED, FIRST_SEED + batches):
         job = scene.render(integrator="photon-beams", spp=spp, seed=seed, pixel_type="float")
         images.append(np.asarray(job.result()) @ LUMINANCE)
-        assert job.statistics.invalid_samples == 0
-        assert job.statistics.bias is not None
-        squares.append(job.statistics.bias**2)
+        statistics = job.statistics
+        assert statistics is not None
+        assert statistics.invalid_samples == 0
+        assert statistics.bias is not None
+        squares.append(statistics.bias**2)
     stack = np.array(images)
     reference = references.load(case)
     wanted = reference.mean @ LUMINANCE

@@ -11,7 +11,7 @@ import click
 import fogbank
 from fogbank.comparison import BUDGETS, SEEDS
 
-from fogbank_cli.comparison_progress import ProgressBar
+from fogbank_cli.comparison_progress import ComparisonBar
 from fogbank_cli.parameter_types import (
     AssignmentType,
     DurationType,
@@ -20,7 +20,7 @@ from fogbank_cli.parameter_types import (
     SizeType,
     WindowType,
 )
-from fogbank_cli.session import Session, json_option, pass_session
+from fogbank_cli.session import Session, folder_option, json_option, pass_session
 
 if TYPE_CHECKING:
     from fogbank.comparison.comparison import Comparison
@@ -28,14 +28,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("scene", type=click.Path(path_type=Path, exists=True, dir_okay=False))
-@click.option(
-    "-o",
-    "--output",
-    "folder",
-    type=click.Path(path_type=Path, file_okay=False),
-    required=True,
-    help="Folder to write to.",
-)
+@folder_option
 @click.option(
     "--methods",
     metavar="NAME,...",
@@ -119,7 +112,7 @@ def compare(
         else [name.strip().replace("+", ",") if ":" in name else name.strip() for name in methods.split(",")]
     )
     try:
-        with ProgressBar(output) as bar:
+        with ComparisonBar(output) as bar:
             found = fogbank.compare(
                 scene,
                 folder,

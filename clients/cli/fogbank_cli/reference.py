@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 from fogbank.comparison.extras import require_extra
 
-from fogbank_cli.comparison_progress import ProgressBar
+from fogbank_cli.comparison_progress import ComparisonBar
 from fogbank_cli.output import duration
 from fogbank_cli.parameter_types import AssignmentType, DurationType, SizeType
 from fogbank_cli.session import Session, json_option, pass_session
@@ -67,7 +67,7 @@ def reference(
         raise click.UsageError(f"{path}: a reference is an .exr")
     output = session.output
     values = dict(parameters)
-    with ProgressBar(output) as bar, session.connect() as service, tempfile.TemporaryDirectory() as folder:
+    with ComparisonBar(output) as bar, session.connect() as service, tempfile.TemporaryDirectory() as folder:
         chosen = choose_size(scene, values, size)
         loaded = service.load(prepare_scene(scene, Path(folder), chosen, values))
 

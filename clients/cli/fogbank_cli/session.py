@@ -53,6 +53,18 @@ def data_directory(session: Session, command: str) -> Path:
     return session.data
 
 
+def folder_option(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Adds `--output`, a folder that is made where it isn't there."""
+    return click.option(
+        "-o",
+        "--output",
+        "folder",
+        type=click.Path(path_type=Path, file_okay=False),
+        required=True,
+        help="Folder to write to.",
+    )(command)
+
+
 def json_option(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """Adds `--json`. It is handled first, so that errors in the other options are reported as JSON, too."""
 

@@ -10,10 +10,10 @@ from types import FrameType, TracebackType
 from typing import Literal, Self, TypeAlias
 
 import fogbank
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.progress import TimeElapsedColumn
 
 from fogbank_cli.output import Output, duration, quantity
+from fogbank_cli.progress_bar import ProgressBar
 
 # How soon a Ctrl-C is acted on while nothing else happens.
 _POLL_SECONDS = 0.1
@@ -47,43 +47,19 @@ class Interrupts:
         self.count += 1
 
 
-class ProgressDisplay:
+class ProgressDisplay(ProgressBar):
     """A progress bar on a terminal; JSON events with `--json`; else a line for each tenth of a long render."""
 
     def __init__(self, output: Output) -> None:
         """The bar appears with the first report."""
+        super().__init__("waiting", TimeElapsedColumn(), hidden=output.as_json)
         self._output = output
-        self._bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TaskProgressColumn(),
-            TextColumn("{task.fields[figures]}"),
-            TimeElapsedColumn(),
-            console=Console(stderr=True),
-            transient=True,
-            disable=output.as_json,
-        )
-        self._task = self._bar.add_task("waiting", total=1.0, figures="")
         self._tenths = 0
-
-    def __enter__(self) -> Self:
-        """Begins to draw."""
-        # Without a terminal rich would only print the last state of the bar.
-        if self._bar.console.is_terminal:
-            self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        """Removes the bar."""
-        if self._bar.live.is_started:
-            self._bar.stop()
 
     def state(self, job: fogbank.Job) -> None:
         """The job is in another state."""
         self._output.event("state", job=job.name, state=str(job.state))
-        self._bar.update(self._task, description=str(job.state))
+        self.describe(str(job.state))
 
     def progress(self, progress: fogbank.Progress) -> None:
         """The job is this far."""
@@ -102,13 +78,11 @@ class ProgressDisplay:
             figures.append(f"{duration(progress.eta_seconds)} left")
         self._output.progress(progress.fraction, f"{passes}, {', '.join(figures)}")
         tenths = int(10.0 * progress.fraction)
-        if not self._bar.live.is_started and not self._output.as_json and tenths > self._tenths:
+        if not self.drawn and not self._output.as_json and tenths > self._tenths:
             self._tenths = tenths
             if progress.elapsed_seconds >= _LONG_SECONDS:
                 self._output.note(f"{10 * tenths} %: {passes}, {', '.join(figures)}")
-        self._bar.update(
-            self._task, description=passes, completed=progress.fraction, figures=", ".join(figures), refresh=True
-        )
+        self.update(passes, progress.fraction, ", ".join(figures))
 
 
 def follow(

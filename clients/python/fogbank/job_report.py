@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import StrEnum
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from fogbank._generated.v1 import render_pb2
 from fogbank.window import Window
@@ -136,7 +136,29 @@ class ErrorReport:
 
 
 @dataclass(frozen=True)
-class Progress:
+class ErrorFigures:
+    """What is known about the error of a job's image after its last complete pass."""
+
+    estimated_error: float | None
+    """See `ErrorReport`; None while unknown."""
+
+    noise: float | None
+    """Share of `estimated_error` that comes from the samples; None while unknown."""
+
+    bias: float | None
+    """Share of `estimated_error` that comes from records or blur; None before the first pass."""
+
+    true_error: TrueError | None
+    """Distance to the reference image; None without one."""
+
+    @staticmethod
+    def after(report: ErrorReport | None) -> dict[str, Any]:
+        """The fields by name, as the last report has them."""
+        return {item.name: getattr(report, item.name, None) for item in fields(ErrorFigures)}
+
+
+@dataclass(frozen=True)
+class Progress(ErrorFigures):
     """How far a job is."""
 
     passes_done: int
@@ -175,18 +197,6 @@ class Progress:
     epoch: int
     """The cache's epoch that passes are rendered with."""
 
-    estimated_error: float | None
-    """Of the image after the last complete pass, see `ErrorReport`; None while unknown."""
-
-    noise: float | None
-    """Share of `estimated_error` that comes from the samples; None while unknown."""
-
-    bias: float | None
-    """Share of `estimated_error` that comes from records or blur; None before the first pass."""
-
-    true_error: TrueError | None
-    """Distance to the reference image; None without one."""
-
     paused: bool
     """Held by `Job.pause`."""
 
@@ -207,16 +217,13 @@ class Progress:
             records_reused=message.records_reused,
             records_new=message.records_new,
             epoch=message.epoch,
-            estimated_error=report.estimated_error if report else None,
-            noise=report.noise if report else None,
-            bias=report.bias if report else None,
-            true_error=report.true_error if report else None,
+            **ErrorFigures.after(report),
             paused=message.paused,
         )
 
 
 @dataclass(frozen=True)
-class RenderStatistics:
+class RenderStatistics(ErrorFigures):
     """What a finished job took and brought."""
 
     window: Window
@@ -261,18 +268,6 @@ class RenderStatistics:
     epoch: int
     """The cache's epoch that the image was rendered with."""
 
-    estimated_error: float | None
-    """Of the image, see `ErrorReport`; None if unknown."""
-
-    noise: float | None
-    """Share of `estimated_error` that comes from the samples; None if unknown."""
-
-    bias: float | None
-    """Share of `estimated_error` that comes from records or blur; None if unknown."""
-
-    true_error: TrueError | None
-    """Distance to the reference image; None without one."""
-
     history: list[ErrorReport]
     """Error against run time: a report for each pass; of very many passes some."""
 
@@ -280,7 +275,6 @@ class RenderStatistics:
     def from_message(cls, message: render_pb2.JobResult) -> RenderStatistics:
         """The statistics of a wire message."""
         history = [ErrorReport.from_message(report) for report in message.history]
-        last = history[-1] if history else None
         return cls(
             window=Window.from_message(message.window),
             film_size=(message.film_width, message.film_height),
@@ -296,9 +290,6 @@ class RenderStatistics:
             records_reused=message.records_reused,
             records_new=message.records_new,
             epoch=message.epoch,
-            estimated_error=last.estimated_error if last else None,
-            noise=last.noise if last else None,
-            bias=last.bias if last else None,
-            true_error=last.true_error if last else None,
+            **ErrorFigures.after(history[-1] if history else None),
             history=history,
         )

@@ -10,18 +10,11 @@ from fogbank.flatland import read_scene
 
 from fogbank_cli.figures.cache2d_errors import Run, make_picture, markdown, sweep, write_csv
 from fogbank_cli.figures.scenes import FLATLAND
-from fogbank_cli.session import Session, json_option, pass_session
+from fogbank_cli.session import Session, folder_option, json_option, pass_session
 
 
 @click.command()
-@click.option(
-    "-o",
-    "--output",
-    "folder",
-    type=click.Path(path_type=Path, file_okay=False),
-    required=True,
-    help="Folder to write to.",
-)
+@folder_option
 @click.option(
     "--scene",
     "path",

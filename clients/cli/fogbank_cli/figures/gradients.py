@@ -9,7 +9,7 @@ from fogbank.flatland import read_scene
 
 from fogbank_cli.figures.gradient_errors import EXPERIMENTS, ErrorRow, markdown, measure_errors, write_csv
 from fogbank_cli.figures.scenes import FLATLAND
-from fogbank_cli.session import Session, json_option, pass_session
+from fogbank_cli.session import Session, folder_option, json_option, pass_session
 
 
 @click.command()
@@ -20,14 +20,7 @@ from fogbank_cli.session import Session, json_option, pass_session
     show_default=True,
     help="Scattering from lights, or from the fog that they light.",
 )
-@click.option(
-    "-o",
-    "--output",
-    "folder",
-    type=click.Path(path_type=Path, file_okay=False),
-    required=True,
-    help="Folder to write to.",
-)
+@folder_option
 @click.option(
     "--scene",
     "path",

@@ -17,10 +17,10 @@ import click
 import fogbank
 from fogbank.comparison.extras import require_extra
 
-from fogbank_cli.comparison_progress import ProgressBar
+from fogbank_cli.comparison_progress import ComparisonBar
 from fogbank_cli.figures.scenes import SCENES, SHARED
 from fogbank_cli.parameter_types import DurationType, NumbersType, SizeType
-from fogbank_cli.session import Session, json_option, pass_session
+from fogbank_cli.session import Session, folder_option, json_option, pass_session
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
@@ -81,14 +81,7 @@ def talk_options(command: Callable[Parameters, Result]) -> Callable[Parameters, 
             help="Seconds of the comparison at equal time.",
         ),
         click.option("--scene", "path", type=click.Path(path_type=Path, exists=True, dir_okay=False), help="Another."),
-        click.option(
-            "-o",
-            "--output",
-            "folder",
-            type=click.Path(path_type=Path, file_okay=False),
-            required=True,
-            help="Folder to write to.",
-        ),
+        folder_option,
     ):
         command = option(command)
     return command
@@ -168,7 +161,7 @@ def reproduce(session: Session, scenes: tuple[TalkScene, ...], folder: Path, pat
             "threads": how.threads,
             "command": shlex.join(["fogbank", *sys.argv[1:]]),
         }
-        with ProgressBar(output) as bar:
+        with ComparisonBar(output) as bar:
             by_time = fogbank.compare(
                 scene.path,
                 place / "equal_time",
