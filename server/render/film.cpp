@@ -8,6 +8,13 @@
 
 namespace fogbank::render {
 
+namespace {
+
+/// Of an edge's bias, by the difference to half the radius (relative_blur).
+constexpr double blur_factor = 2.12;
+
+}  // namespace
+
 double luminance_of(const Vec3d& rgb) { return 0.212671 * rgb.x + 0.715160 * rgb.y + 0.072169 * rgb.z; }
 
 namespace {
@@ -112,8 +119,8 @@ double relative_blur(const std::vector<const TileFilm*>& tiles) {
       const PixelSums& wide = tile->sampled[pixel];
       const PixelSums& narrow = tile->narrow[pixel];
       const PixelSums difference{wide.even - narrow.even, wide.odd - narrow.odd};
-      const double bias = 2 * luminance_of(difference.mean(samples));
-      const double error = 2 * luminance_of(difference.standard_error(samples));
+      const double bias = blur_factor * luminance_of(difference.mean(samples));
+      const double error = blur_factor * luminance_of(difference.standard_error(samples));
       const double scale = luminance_of(wide.mean(samples)) + 0.1 * mean;
       squares.push_back((bias * bias - error * error) / (scale * scale));
     }

@@ -27,18 +27,11 @@ Array = NDArray[np.float64]
 
 FIRST_SEED = 4000
 KINDS = ("emitter_", "medium_", "phase_", "scenes_", "bsdf_dielectric", "bsdf_roughconductor_ggx")
-QUICK = (
-    "emitter_envmap",
-    "emitter_area_mesh",
-    "medium_chromatic_20",
-    "medium_dense",
-    "medium_dielectric",
-    "scenes_stairs",
-)
-"""Light from everywhere, from a mesh; channels that differ; where blur matters most; glass; forward scattering."""
+QUICK = ("emitter_envmap", "medium_chromatic_20", "medium_dense", "medium_dielectric", "scenes_stairs")
+"""Light from everywhere; channels that differ; where blur matters most; glass; forward scattering."""
 PIXEL_FACTOR = 2.0
-"""The report takes bias to grow with the radius. Where it grows with its square, half as much again is reported as
-there is; in a caustic that is narrower than the radius it grows more slowly, and too little is reported."""
+"""The report is that of an edge (`relative_blur`). Of what is narrower than the radius too little is reported: a factor
+of 1.8 in scenes_stairs."""
 SLACK = 0.005
 """Of the mean: what is too small for a few batches to tell from their noise."""
 LUMINANCE = np.array([0.212671, 0.715160, 0.072169])
@@ -100,7 +93,7 @@ def judge(blur: Blur) -> None:
 
 @pytest.mark.parametrize("case", chosen(quick=True), ids=lambda case: case.name)
 def test_off_by_no_more_than_reported(case: Case, service: Service) -> None:
-    judge(measure(service, case, spp=8, batches=6))
+    judge(measure(service, case, spp=8, batches=4))
 
 
 @pytest.mark.accuracy

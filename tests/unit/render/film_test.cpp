@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -184,9 +185,8 @@ TEST(RelativeNoise, BlackImageHasNone) {
   EXPECT_FALSE(job.progress().estimate.noise.has_value());
 }
 
-TEST(RelativeBlur, IsTwiceTheDifferenceToHalfTheRadius) {
-  // Samples 1.1 + noise, with half the radius 1.05 + other noise: in the limit of no radius 1. The noise of a
-  // pixel's mean is ten times what is looked for.
+TEST(RelativeBlur, FollowsItsFormula) {
+  // Samples of mean `wide`, with half the radius `narrow`, and independent noise in both.
   const auto blur = [](float wide, float narrow, float noise) {
     TileFilm tile;
     tile.samples = 16;
@@ -201,14 +201,39 @@ TEST(RelativeBlur, IsTwiceTheDifferenceToHalfTheRadius) {
     }
     return relative_blur({&tile});
   };
-  EXPECT_NEAR(blur(1.1f, 1.05f, 0), 0.1 / (1.1 * 1.1), 1e-6);
-  EXPECT_NEAR(blur(1.05f, 1.1f, 0), 0.1 / (1.1 * 1.05), 1e-6) << "in either direction";
-  // Twice a difference of two means of 16 samples of variance 1 / 12 has the standard deviation s = 0.204.
-  // The square of a normal variable less an estimate of its variance with one degree of freedom has the
-  // standard deviation 2 s^2 = 0.083; of the mean of 65536 of them, 4.42 standard errors are 1.4e-3, a
-  // seventh of 0.01.
-  EXPECT_NEAR(blur(1.1f, 1.05f, 1), 0.1 / (1.1 * 1.1), 0.1 * 0.1 / 1.21);
+  EXPECT_NEAR(blur(1.1f, 1.05f, 0), 2.12 * 0.05 / (1.1 * 1.1), 1e-6);
+  EXPECT_NEAR(blur(1.05f, 1.1f, 0), 2.12 * 0.05 / (1.1 * 1.05), 1e-6) << "in either direction";
+  // 2.12 times a difference of two means of 16 samples of variance 1 / 12 has the standard deviation s =
+  // 0.216. The square of a normal variable less an estimate of its variance with one degree of freedom has
+  // the standard deviation 2 s^2 = 0.094; of the mean of 65536 of them, 4.42 standard errors are 1.6e-3, a
+  // seventh of 0.106^2: 7.5 % of the root.
+  EXPECT_NEAR(blur(1.1f, 1.05f, 1), 2.12 * 0.05 / (1.1 * 1.1), 0.075 * 0.0876);
   EXPECT_EQ(blur(0, 0, 0), 0);
+}
+
+TEST(RelativeBlur, OfAnEdge) {
+  // A step of 1 in a brightness of 100, blurred with the radius of 400 pixels amid as many of either side:
+  // Epanechnikov's kernel, whose integral is F.
+  const auto blurred = [](double distance) {
+    const double u = std::clamp(distance, -1.0, 1.0);
+    return 100.5 + 0.75 * u - 0.25 * u * u * u;
+  };
+  TileFilm tile;
+  tile.samples = 2;
+  tile.sampled.resize(2000);
+  tile.narrow.resize(2000);
+  double squares = 0;
+  for (size_t pixel = 0; pixel < 2000; ++pixel) {
+    const double distance = (static_cast<double>(pixel) - 999.5) / 400;
+    for (const uint32_t sample : {0u, 1u}) {
+      tile.sampled[pixel].add(sample, Spectrum(static_cast<float>(blurred(distance))));
+      tile.narrow[pixel].add(sample, Spectrum(static_cast<float>(blurred(2 * distance))));
+    }
+    const double off = blurred(distance) - (distance > 0 ? 101.0 : 100.0);
+    squares += off * off / 2000;
+  }
+  // Brightness differs by 0.5 % to either side of the mean; the factor has three digits.
+  EXPECT_NEAR(relative_blur({&tile}), std::sqrt(squares) / (1.1 * 100.5), 0.01 * std::sqrt(squares) / 110);
 }
 
 TEST(RelativeBlur, IsNotKnownOfOneSample) {
