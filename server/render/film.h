@@ -112,16 +112,11 @@ double relative_disagreement(const std::vector<const TileFilm*>& tiles);
 /// is not known: where a layer has but one sample in either half, or none has noise.
 double wanted_share_of_cached_samples(const std::vector<const TileFilm*>& tiles);
 
-/// What blur adds to the error of an image, in the same measure. What the mean of a pixel is off by is taken
-/// to be 2.12 D, D the difference to the mean with half the radius; its square is estimated by (2.12 D)^2
-/// less the variance of 2.12 D from the half buffers, which may be negative in a pixel, not in the result. 0
-/// where films have no narrow layer, with one sample, or for a black image.
-///
-/// The factor is that of an edge that Epanechnikov's kernel blurs in one dimension: with F(u) = 1 / 2 + 3 u /
-/// 4 - u^3 / 4, the root of the ratio of the integrals of (1 - F(u))^2 and (F(2 u) - F(u))^2 over u in [0,
-/// 1], F(u) = 1 for u > 1. Where bias grows with the radius, as it does at walls in the mean over many
-/// places, it is 2; where it grows with the square, 4 / 3. Of features that are narrower than the radius too
-/// little is found.
+/// What blur adds to the error of an image, in the same measure. A pixel is taken to be off by what it would
+/// be in an edge (film.cpp), given the difference D to its mean with half the radius: 2.12 D. The square of
+/// that is estimated with the variance from the half buffers taken off, which may make it negative in a
+/// pixel, not in the result. Of features narrower than the radius too little is found. 0 where films have no
+/// narrow layer, with one sample, or for a black image.
 double relative_blur(const std::vector<const TileFilm*>& tiles);
 
 }  // namespace fogbank::render
