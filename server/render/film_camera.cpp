@@ -2,7 +2,6 @@
 
 #include <array>
 #include <cmath>
-#include <numbers>
 
 #include "core/sobol.h"
 
@@ -20,8 +19,7 @@ Ray FilmCamera::sample(uint32_t x, uint32_t y, RandomStream& random) const {
 
 float FilmCamera::pixel_angle() const {
   if (sensor_.kind == scene::SensorKind::orthographic) return 0;
-  const double half = 0.5 * sensor_.fov_x_degrees * std::numbers::pi / 180;
-  return static_cast<float>(std::atan(2 * std::tan(half) / film_.width));
+  return static_cast<float>(std::atan(2 * sensor_.half_width(film_) / film_.width));
 }
 
 }  // namespace fogbank::render

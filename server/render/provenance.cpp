@@ -43,13 +43,13 @@ nlohmann::ordered_json film_json(const scene::Film& film) {
   return json;
 }
 
-nlohmann::ordered_json sensor_json(const scene::Sensor& sensor) {
+nlohmann::ordered_json sensor_json(const scene::Sensor& sensor, const scene::Film& film) {
   nlohmann::ordered_json json;
   json["kind"] = name_of(sensor.kind);
   for (int row = 0; row < 4; ++row) {
     for (int column = 0; column < 4; ++column) json["to_world"].push_back(sensor.to_world[column][row]);
   }
-  if (sensor.kind != scene::SensorKind::orthographic) json["fov_x_degrees"] = sensor.fov_x_degrees;
+  if (sensor.kind != scene::SensorKind::orthographic) json["fov_x_degrees"] = sensor.fov_x_degrees(film);
   if (sensor.kind == scene::SensorKind::thinlens) {
     json["aperture_radius"] = sensor.aperture_radius;
     json["focus_distance"] = sensor.focus_distance;
@@ -118,7 +118,7 @@ Provenance describe(const RenderSettings& settings, const Progress& progress,
   json["single_scattering"] = name_of(settings.integrator_settings.single_scattering);
   json["spheres"] = settings.integrator_settings.spheres;
   json["film"] = film_json(settings.film);
-  json["sensor"] = sensor_json(settings.sensor);
+  json["sensor"] = sensor_json(settings.sensor, settings.film);
   return {{"fogbank:version", FOGBANK_VERSION},
           {"fogbank:scene", scene_fingerprint},
           {"fogbank:integrator", settings.integrator},

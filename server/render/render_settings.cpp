@@ -54,7 +54,7 @@ void validate_film(const scene::Film& film) {
   }
 }
 
-void validate_sensor(const scene::Sensor& sensor) {
+void validate_sensor(const scene::Sensor& sensor, const scene::Film& film) {
   for (int column = 0; column < 4; ++column) {
     for (int row = 0; row < 4; ++row) {
       if (!std::isfinite(sensor.to_world[column][row]))
@@ -69,9 +69,13 @@ void validate_sensor(const scene::Sensor& sensor) {
   const double volume = std::fabs(glm::dot(x, glm::cross(y, z)));
   if (!(volume > 1e-9 * glm::length(x) * glm::length(y) * glm::length(z)))
     fail("sensor.to_world", "is singular");
-  if (sensor.kind != scene::SensorKind::orthographic &&
-      !(sensor.fov_x_degrees > 0 && sensor.fov_x_degrees < 180)) {
-    fail("sensor.fov_x_degrees", std::to_string(sensor.fov_x_degrees) + " is not between 0 and 180");
+  if (sensor.kind != scene::SensorKind::orthographic) {
+    if (!(sensor.fov_degrees > 0 && sensor.fov_degrees < 180))
+      fail("sensor.fov_degrees", std::to_string(sensor.fov_degrees) + " is not between 0 and 180");
+    // Of films that are much wider than high, or the reverse; as for files.
+    const double horizontal = sensor.fov_x_degrees(film);
+    if (!(horizontal > 1e-6 && horizontal < 179.999))
+      fail("film.width", "makes the horizontal field of view " + std::to_string(horizontal) + " degrees");
   }
   check_positive("sensor.near_clip", sensor.near_clip);
   check_positive("sensor.far_clip", sensor.far_clip);
@@ -157,7 +161,7 @@ void validate(const RenderSettings& settings) {
               RenderLimits::path_depth);
   check_range("tile_size", settings.tile_size, RenderLimits::smallest_tile, RenderLimits::largest_tile);
   validate_film(settings.film);
-  validate_sensor(settings.sensor);
+  validate_sensor(settings.sensor, settings.film);
   for (size_t i = 0; i < settings.aovs.size(); ++i) {
     if (std::count(settings.aovs.begin(), settings.aovs.end(), settings.aovs[i]) > 1)
       fail("aovs", "\"" + name_of(settings.aovs[i]) + "\" is there more than once");

@@ -9,6 +9,8 @@
 namespace fogbank::scene {
 namespace {
 
+constexpr double degrees_per_radian = 180 / 3.14159265358979323846;
+
 /// Film position as a point of the camera's local plane z = 1 (perspective, thinlens) or of the plane x in
 /// [-1, 1] (orthographic), where half the film's width spans `half_width`. Local x runs to the image's left,
 /// as in Mitsuba: its camera looks along +z with +y up, and a right-handed frame then has +x on the left.
@@ -64,14 +66,35 @@ float sample_tent(float u) { return u < 0.5f ? std::sqrt(2 * u) - 1 : 1 - std::s
 
 }  // namespace
 
+double Sensor::half_width(const Film& film) const {
+  const double aspect = static_cast<double>(film.width) / film.height;
+  const double half_tangent = std::tan(0.5 * fov_degrees / degrees_per_radian);
+  switch (fov_axis) {
+    case FovAxis::x:
+      break;
+    case FovAxis::y:
+      return half_tangent * aspect;
+    case FovAxis::smaller:
+      return aspect > 1 ? half_tangent * aspect : half_tangent;
+    case FovAxis::larger:
+      return aspect > 1 ? half_tangent : half_tangent * aspect;
+    case FovAxis::diagonal:
+      return half_tangent / std::sqrt(1 + 1 / (aspect * aspect));
+  }
+  return half_tangent;
+}
+
+double Sensor::fov_x_degrees(const Film& film) const {
+  return 2 * std::atan(half_width(film)) * degrees_per_radian;
+}
+
 Ray Sensor::sample_ray(const Film& film, const Vec2f& position, const Vec2f& lens) const {
   if (kind == SensorKind::orthographic) {
     const Vec2d plane = film_to_plane(film, principal_point_offset, position, 1.0);
     const Vec3d origin = transform_point(to_world, Vec3d(plane, near_clip));
     return make_ray(origin, transform_vector(to_world, {0, 0, 1}), far_clip - near_clip);
   }
-  const double half_width = std::tan(0.5 * fov_x_degrees * (3.14159265358979323846 / 180));
-  const Vec2d plane = film_to_plane(film, principal_point_offset, position, half_width);
+  const Vec2d plane = film_to_plane(film, principal_point_offset, position, half_width(film));
   Vec3d origin(0);
   Vec3d through(plane, 1.0);
   if (kind == SensorKind::thinlens) {

@@ -9,6 +9,8 @@
 namespace fogbank::scene {
 
 enum class SensorKind : uint8_t { perspective, thinlens, orthographic };
+/// What of the film a field of view is measured across, as Mitsuba's `fov_axis`.
+enum class FovAxis : uint8_t { x, y, diagonal, smaller, larger };
 enum class ReconstructionFilter : uint8_t { box, tent, gaussian };
 
 /// Pixels [x, x + width) x [y, y + height); y grows downwards.
@@ -35,8 +37,8 @@ struct Film {
 struct Sensor {
   SensorKind kind = SensorKind::perspective;
   Mat4d to_world{1.0};
-  double fov_x_degrees =
-      50;  ///< horizontal, over the full film (all `fov_axis` are converted to x on loading)
+  double fov_degrees = 50;  ///< over the full film, along `fov_axis`; not of orthographic cameras
+  FovAxis fov_axis = FovAxis::x;
   double near_clip = 1e-2;
   double far_clip = 1e4;
   double aperture_radius = 0;  ///< thinlens
@@ -47,6 +49,12 @@ struct Sensor {
   /// Camera ray through film position `position` (pixels of the full film, (0,0) the upper left corner) and
   /// lens sample `lens` in [0,1)^2. Starts at the near clip plane, as Mitsuba's does.
   Ray sample_ray(const Film& film, const Vec2f& position, const Vec2f& lens) const;
+
+  /// Tangent of half the horizontal field of view over the full film, which for most axes depends on the
+  /// film's aspect; not of orthographic cameras.
+  double half_width(const Film& film) const;
+  /// The horizontal field of view itself, degrees.
+  double fov_x_degrees(const Film& film) const;
 };
 
 /// Offset from the pixel's centre, in pixels, drawn with density proportional to the filter; with equal

@@ -48,25 +48,33 @@ double focal_length_millimetres(PropertyReader& reader) {
   return *length;
 }
 
-double read_fov(PropertyReader& reader, const Film& film) {
-  const double aspect = static_cast<double>(film.width) / film.height;
-  std::string axis = reader.choice("fov_axis", "x", {"x", "y", "diagonal", "smaller", "larger"});
-  double fov = 0;
+FovAxis read_fov_axis(PropertyReader& reader) {
+  const std::string axis = reader.choice("fov_axis", "x", {"x", "y", "diagonal", "smaller", "larger"});
+  if (axis == "y") return FovAxis::y;
+  if (axis == "diagonal") return FovAxis::diagonal;
+  if (axis == "smaller") return FovAxis::smaller;
+  if (axis == "larger") return FovAxis::larger;
+  return FovAxis::x;
+}
+
+void read_fov(PropertyReader& reader, const Film& film, Sensor& sensor) {
+  sensor.fov_axis = read_fov_axis(reader);
   if (const std::optional<double> given = reader.number_if_given("fov", 0.0, 180.0)) {
     if (reader.has("focal_length"))
       reader.fail("CONFLICTING_PARAMETERS", "give either 'fov' or 'focal_length', not both");
-    fov = *given;
+    sensor.fov_degrees = *given;
   } else {
     // Of 35 mm film, 36 mm x 24 mm, along its diagonal.
-    fov = 2 * std::atan(0.5 * std::hypot(36.0, 24.0) / focal_length_millimetres(reader)) * degrees_per_radian;
-    axis = "diagonal";
+    sensor.fov_degrees =
+        2 * std::atan(0.5 * std::hypot(36.0, 24.0) / focal_length_millimetres(reader)) * degrees_per_radian;
+    sensor.fov_axis = FovAxis::diagonal;
   }
-  const double horizontal = horizontal_fov(fov, axis, aspect);
+  const double horizontal = sensor.fov_x_degrees(film);
   // At the ends of (0, 180) the image has no width or an infinite one; floats need some room.
-  if (!(fov > 0) || !(fov < 180) || !(horizontal > 1e-6) || !(horizontal < 179.999))
+  if (!(sensor.fov_degrees > 0) || !(sensor.fov_degrees < 180) || !(horizontal > 1e-6) ||
+      !(horizontal < 179.999))
     reader.fail("OUT_OF_RANGE", "the horizontal field of view must lie between 0 and 180 degrees, is " +
                                     number_text(horizontal));
-  return horizontal;
 }
 
 /// Mitsuba refuses scale factors in a camera's transform; old exporters write them, with no effect on the
@@ -157,16 +165,6 @@ void read_sampler(const ObjectDescription& description, SceneBuilder& builder) {
 
 }  // namespace
 
-double horizontal_fov(double fov_degrees, const std::string& axis, double aspect) {
-  const double half_tangent = std::tan(0.5 * fov_degrees / degrees_per_radian);
-  double horizontal = half_tangent;
-  if (axis == "y" || (axis == "smaller" && aspect > 1) || (axis == "larger" && aspect <= 1))
-    horizontal = half_tangent * aspect;
-  else if (axis == "diagonal")
-    horizontal = half_tangent / std::sqrt(1 + 1 / (aspect * aspect));
-  return 2 * std::atan(horizontal) * degrees_per_radian;
-}
-
 void read_sensor(const ObjectDescription& description, SceneBuilder& builder) {
   Scene& scene = builder.scene();
   Sensor& sensor = scene.sensor;
@@ -197,7 +195,7 @@ void read_sensor(const ObjectDescription& description, SceneBuilder& builder) {
     reader.fail("OUT_OF_RANGE", "'near_clip' must be below 'far_clip'");
   sensor.to_world = reader.transform("to_world");
   if (sensor.kind != SensorKind::orthographic) {
-    sensor.fov_x_degrees = read_fov(reader, scene.film);
+    read_fov(reader, scene.film, sensor);
     sensor.to_world = without_scale(sensor.to_world, description.where, scene.warnings);
   }
   sensor.principal_point_offset.x = reader.number("principal_point_offset_x", 0.0, -1e3, 1e3);

@@ -21,8 +21,4 @@ void read_sensor(const ObjectDescription& description, SceneBuilder& builder);
 void read_integrator(const ObjectDescription& description, RenderDefaults& defaults,
                      std::vector<std::string>& warnings);
 
-/// Horizontal field of view in degrees of a film `aspect` = width / height for a field of view in degrees
-/// along `axis`: x, y, diagonal, smaller or larger.
-double horizontal_fov(double fov_degrees, const std::string& axis, double aspect);
-
 }  // namespace fogbank::scene

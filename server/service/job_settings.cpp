@@ -76,7 +76,8 @@ void resolve_camera(const v1::CameraOverride& camera, scene::Sensor& sensor) {
   if (camera.has_fov_degrees()) {
     if (sensor.kind == scene::SensorKind::orthographic)
       refuse("camera.fov_degrees", "the camera is orthographic");
-    sensor.fov_x_degrees = camera.fov_degrees();
+    sensor.fov_degrees = camera.fov_degrees();
+    sensor.fov_axis = scene::FovAxis::x;
   }
   if ((camera.has_aperture_radius() || camera.has_focus_distance()) &&
       sensor.kind != scene::SensorKind::thinlens) {
@@ -164,7 +165,7 @@ void check_cached(const v1::RenderSettings& requested, const std::string& integr
       {"integrator_settings.max_depth", "max_depth"},
       {"integrator_settings.rr_depth", "rr_depth"},
       {"sensor.to_world", "camera.to_world"},
-      {"sensor.fov_x_degrees", "camera.fov_degrees"},
+      {"sensor.fov_degrees", "camera.fov_degrees"},
       {"sensor.aperture_radius", "camera.aperture_radius"},
       {"sensor.focus_distance", "camera.focus_distance"},
       {"first_region", "region"},

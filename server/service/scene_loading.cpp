@@ -45,16 +45,17 @@ std::string identify(const scene::Scene& scene) {
     hash.update(text);
   };
   auto add = [&](double value) { add_text(std::to_string(std::bit_cast<uint64_t>(value))); };
-  add_text("fogbank scene 1");
+  add_text("fogbank scene 2");
   add_text(scene.fingerprint);
   const scene::Sensor& sensor = scene.sensor;
   add(static_cast<double>(sensor.kind));
   for (int column = 0; column < 4; ++column) {
     for (int row = 0; row < 4; ++row) add(sensor.to_world[column][row]);
   }
+  add(static_cast<double>(sensor.fov_axis));
   for (const double value :
-       {sensor.fov_x_degrees, sensor.near_clip, sensor.far_clip, sensor.aperture_radius,
-        sensor.focus_distance, sensor.principal_point_offset.x, sensor.principal_point_offset.y}) {
+       {sensor.fov_degrees, sensor.near_clip, sensor.far_clip, sensor.aperture_radius, sensor.focus_distance,
+        sensor.principal_point_offset.x, sensor.principal_point_offset.y}) {
     add(value);
   }
   add(sensor.medium);

@@ -36,8 +36,7 @@ class TestCamera final : public CameraRays {
   Vec2i film_size() const override { return {film_.width, film_.height}; }
   Vec3f position() const override { return Vec3f(Vec3d(sensor_.to_world[3])); }
   float pixel_angle() const override {
-    return 2 * std::tan(static_cast<float>(sensor_.fov_x_degrees) * pi / 360) /
-           static_cast<float>(film_.width);
+    return 2 * static_cast<float>(sensor_.half_width(film_)) / static_cast<float>(film_.width);
   }
 
  private:

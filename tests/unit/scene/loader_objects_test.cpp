@@ -241,7 +241,7 @@ TEST(LoaderSensor, DefaultsAreMitsubas) {
   EXPECT_EQ(scene->film.filter_radius, 2.0f);
   EXPECT_EQ(scene->sensor.near_clip, 1e-2);
   EXPECT_EQ(scene->sensor.far_clip, 1e4);
-  EXPECT_NEAR(scene->sensor.fov_x_degrees, 38.18484115600586, 1e-5);  // 50 mm, by Mitsuba 3.9.1
+  EXPECT_NEAR(scene->sensor.fov_x_degrees(scene->film), 38.18484115600586, 1e-5);  // 50 mm, by Mitsuba 3.9.1
   EXPECT_EQ(scene->sensor.medium, none);
 }
 

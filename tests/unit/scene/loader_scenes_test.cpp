@@ -75,7 +75,8 @@ TEST(SharedScenes, OldAndNewSyntaxDescribeTheSameScene) {
   const auto new_scene = load_scene("scene_v3.xml", folder_source(root), {});
   EXPECT_EQ(old_scene->fingerprint, new_scene->fingerprint);
   EXPECT_EQ(old_scene->sensor.to_world, new_scene->sensor.to_world);
-  EXPECT_EQ(old_scene->sensor.fov_x_degrees, new_scene->sensor.fov_x_degrees);
+  EXPECT_EQ(old_scene->sensor.fov_x_degrees(old_scene->film),
+            new_scene->sensor.fov_x_degrees(new_scene->film));
 }
 
 struct RefusedScene {

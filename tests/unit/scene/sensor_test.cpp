@@ -5,8 +5,6 @@
 
 #include <cmath>
 
-#include "scene/sensor_reader.h"
-
 namespace fogbank::scene::test {
 namespace {
 
@@ -58,17 +56,27 @@ TEST(ReconstructionFilters, ExtremeNumbersStayInside) {
     }
 }
 
+/// Horizontal field of view of 40 degrees along `axis`.
+double fov_x(FovAxis axis, int32_t width, int32_t height) {
+  Sensor sensor;
+  sensor.fov_degrees = 40;
+  sensor.fov_axis = axis;
+  Film film;
+  film.width = width;
+  film.height = height;
+  return sensor.fov_x_degrees(film);
+}
+
 TEST(HorizontalFov, EveryAxis) {
-  EXPECT_NEAR(horizontal_fov(40, "x", 1.5), 40, 1e-12);
-  EXPECT_NEAR(horizontal_fov(40, "larger", 1.5), 40, 1e-12);
-  EXPECT_NEAR(horizontal_fov(40, "smaller", 0.75), 40, 1e-12);
+  EXPECT_NEAR(fov_x(FovAxis::x, 96, 64), 40, 1e-12);
+  EXPECT_NEAR(fov_x(FovAxis::larger, 96, 64), 40, 1e-12);
+  EXPECT_NEAR(fov_x(FovAxis::smaller, 48, 64), 40, 1e-12);
   const double degree = 3.14159265358979323846 / 180;
-  EXPECT_NEAR(std::tan(horizontal_fov(40, "y", 1.5) * degree / 2), 1.5 * std::tan(20 * degree), 1e-12);
-  EXPECT_NEAR(horizontal_fov(40, "smaller", 1.5), horizontal_fov(40, "y", 1.5), 1e-12);
-  EXPECT_NEAR(horizontal_fov(40, "larger", 0.75), horizontal_fov(40, "y", 0.75), 1e-12);
+  EXPECT_NEAR(std::tan(fov_x(FovAxis::y, 96, 64) * degree / 2), 1.5 * std::tan(20 * degree), 1e-12);
+  EXPECT_NEAR(fov_x(FovAxis::smaller, 96, 64), fov_x(FovAxis::y, 96, 64), 1e-12);
+  EXPECT_NEAR(fov_x(FovAxis::larger, 48, 64), fov_x(FovAxis::y, 48, 64), 1e-12);
   // 3 : 4 : 5
-  EXPECT_NEAR(std::tan(horizontal_fov(40, "diagonal", 4.0 / 3) * degree / 2), 0.8 * std::tan(20 * degree),
-              1e-12);
+  EXPECT_NEAR(std::tan(fov_x(FovAxis::diagonal, 64, 48) * degree / 2), 0.8 * std::tan(20 * degree), 1e-12);
 }
 
 }  // namespace
