@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -36,6 +37,8 @@ struct IntegratorSettings {
       -1;  ///< path length in edges, as Mitsuba's: 1 = emitted light only, 2 = one bounce; -1 = unbounded
   int32_t rr_depth = 2;  ///< Russian roulette by throughput from this depth on
   bool hide_emitters = false;
+  /// That camera rays start in, scene::none for vacuum; nothing: that of the scene file's camera.
+  std::optional<int32_t> camera_medium = std::nullopt;
   // Of methods with a cache:
   SingleScattering single_scattering = SingleScattering::automatic;
   int64_t most_records = int64_t{1} << 24;  ///< that one job makes; 0: it only reads those that are there

@@ -15,7 +15,7 @@ namespace {
 constexpr double alpha = 2.0 / 3;
 
 transport::PathSettings path_settings(const IntegratorSettings& settings) {
-  return {settings.max_depth, settings.rr_depth, settings.hide_emitters};
+  return {settings.max_depth, settings.rr_depth, settings.hide_emitters, settings.camera_medium};
 }
 
 }  // namespace

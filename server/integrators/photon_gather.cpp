@@ -204,7 +204,7 @@ Gathered PhotonGather::radiance(const Ray& ray, const PhotonPass& pass, RandomSt
   const scene::Scene& scene = world_->scene();
   Walk walk;
   walk.ray = ray;
-  walk.medium = scene.sensor.medium;
+  walk.medium = settings_.camera_medium.value_or(scene.sensor.medium);
   walk.sees_emission = !settings_.hide_emitters;
   while (true) {
     scene::Hit hit;

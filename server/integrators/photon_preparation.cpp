@@ -190,8 +190,9 @@ Ray PhotonPreparation::pilot_ray(uint32_t column, uint32_t row, RandomStream& ra
 float PhotonPreparation::typical_distance() const {
   const scene::Scene& scene = integrator_.gather().world().scene();
   float most = scene.bounds.radius > 0 ? 2 * scene.bounds.radius : infinity;
-  if (scene.sensor.medium != scene::none) {
-    const float sigma_t = integrator_.gather().world().medium(scene.sensor.medium).mean_sigma_t;
+  const int32_t medium = integrator_.gather().settings().camera_medium.value_or(scene.sensor.medium);
+  if (medium != scene::none) {
+    const float sigma_t = integrator_.gather().world().medium(medium).mean_sigma_t;
     if (sigma_t > 0) most = std::fmin(most, optical_distance / sigma_t);
   }
   std::vector<float> distances;

@@ -419,7 +419,7 @@ PixelSample RadianceCacheIntegrator::walk_from(const Ray& ray, bool wants_cached
   const scene::Scene& scene = world_->scene();
   Walk walk;
   walk.ray = ray;
-  walk.medium = scene.sensor.medium;
+  walk.medium = settings_.camera_medium.value_or(scene.sensor.medium);
   walk.sees_emission = !settings_.hide_emitters;
   walk.wants_cached = wants_cached;
   walk.observer = observer;

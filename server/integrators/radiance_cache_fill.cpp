@@ -179,7 +179,8 @@ uint32_t RadianceCacheFill::begin_bands(Round round) {
   round_ = round;
   const scene::Window window = camera_.window();
   const int32_t rows = band_strides * stride_;
-  const auto bands = static_cast<uint32_t>((window.height + rows - 1) / rows);
+  const int32_t end = (window.y + window.height + rows - 1) / rows;
+  const auto bands = static_cast<uint32_t>(end - window.y / rows);
   if (round == Round::probing) found_.assign(bands, {});
   if (round == Round::surveying) noise_.assign(bands, RecordNoise(*integrator_.published().epoch));
   return bands;
@@ -240,14 +241,20 @@ void RadianceCacheFill::run(uint32_t task, RayCounters& counters) {
 template <typename EndRay>
 void RadianceCacheFill::observe_band(uint32_t band, LookUpObserver& observer, const EndRay& end_ray,
                                      RayCounters& counters) const {
+  // Pixels of the film, whatever the window: a part of a picture looks where the whole one looked.
   const scene::Window window = camera_.window();
-  const int32_t first = static_cast<int32_t>(band) * band_strides * stride_;
-  const int32_t last = std::min(first + band_strides * stride_, window.height);
-  for (int32_t y = first + stride_ / 2; y < last; y += stride_) {
+  const auto at_least = [this](int32_t bound) {
+    const int32_t half = stride_ / 2;
+    return half + std::max(bound - half + stride_ - 1, 0) / stride_ * stride_;
+  };
+  const int32_t rows = band_strides * stride_;
+  const int32_t first = (window.y / rows + static_cast<int32_t>(band)) * rows;
+  const int32_t last = std::min(first + rows, window.y + window.height);
+  for (int32_t y = at_least(std::max(first, window.y)); y < last; y += stride_) {
     counters.poll();
-    for (int32_t x = stride_ / 2; x < window.width; x += stride_) {
-      const auto film_x = static_cast<uint32_t>(window.x + x);
-      const auto film_y = static_cast<uint32_t>(window.y + y);
+    for (int32_t x = at_least(window.x); x < window.x + window.width; x += stride_) {
+      const auto film_x = static_cast<uint32_t>(x);
+      const auto film_y = static_cast<uint32_t>(y);
       RandomStream random(0, film_x, film_y, 0, probe_stream);
       const Ray ray = camera_.sample(film_x, film_y, random);
       integrator_.observe(ray, random, counters, observer);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "render/job_integrator.h"
 #include "render/progression.h"
 #include "scene/intersector.h"
 
@@ -30,6 +31,7 @@ FillJob::FillJob(std::shared_ptr<const transport::World> world, RenderSettings s
 std::unique_ptr<FillJob::Part> FillJob::begin_part(uint32_t camera) const {
   integrators::IntegratorSettings settings = integrator_settings(settings_);
   settings.most_records -= static_cast<int64_t>(records_before_);
+  settings.camera_medium = camera_medium(*world_, cameras_[camera]);
   auto part = std::make_unique<Part>(
       Part{.camera = FilmCamera(cameras_[camera], settings_.film),
            .integrator = integrators::make_integrator(settings_.integrator, world_, settings),

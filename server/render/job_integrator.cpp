@@ -4,9 +4,19 @@
 
 #include "core/error.h"
 #include "render/progression.h"
+#include "scene/intersector.h"
 #include "transport/world.h"
 
 namespace fogbank::render {
+
+int32_t camera_medium(const transport::World& world, const scene::Sensor& sensor) {
+  if (sensor.to_world == world.scene().sensor.to_world) return sensor.medium;
+  scene::prepare_render_thread();
+  // Any film will do: rays through its middle are alike.
+  const scene::Film film;
+  const Vec2f middle(static_cast<float>(film.width) / 2, static_cast<float>(film.height) / 2);
+  return world.medium_at(sensor.sample_ray(film, middle, {0.5f, 0.5f}).origin);
+}
 
 std::unique_ptr<integrators::Integrator> make_job_integrator(std::shared_ptr<const transport::World> world,
                                                              const RenderSettings& settings) {
@@ -16,7 +26,9 @@ std::unique_ptr<integrators::Integrator> make_job_integrator(std::shared_ptr<con
     throw Error(ErrorKind::invalid_argument, "INVALID_RENDER_SETTINGS",
                 "sensor.medium: the scene has no medium " + std::to_string(settings.sensor.medium));
   }
-  return integrators::make_integrator(settings.integrator, std::move(world), integrator_settings(settings));
+  integrators::IntegratorSettings resolved = integrator_settings(settings);
+  resolved.camera_medium = camera_medium(*world, settings.sensor);
+  return integrators::make_integrator(settings.integrator, std::move(world), resolved);
 }
 
 }  // namespace fogbank::render

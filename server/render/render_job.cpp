@@ -86,7 +86,7 @@ std::optional<Task> RenderJob::Implementation::take() {
 
 RenderJob::RenderJob(std::shared_ptr<const transport::World> world, const RenderSettings& settings,
                      Performers performers) {
-  RenderSettings own = settings;
+  RenderSettings own = validated(settings);
   std::shared_ptr<cache::SceneCache> records;
   if (performers == Performers::replicas) {
     std::shared_ptr<cache::SceneCache>& cache = own.integrator_settings.cache;

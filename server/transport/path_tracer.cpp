@@ -212,7 +212,7 @@ Spectrum PathTracer::radiance(const Ray& ray, RandomStream& random, RayCounters&
   if (settings_.max_depth == 0) return Spectrum(0);
   Path path;
   path.ray = ray;
-  path.medium = world_->scene().sensor.medium;
+  path.medium = settings_.camera_medium.value_or(world_->scene().sensor.medium);
   path.sees_emission = !settings_.hide_emitters;
   return trace(path, random, counters);
 }

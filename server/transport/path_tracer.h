@@ -23,6 +23,8 @@ struct PathSettings {
       -1;  ///< edges of a whole path, as Mitsuba's: 1 = emitted light only, 2 = one bounce; -1 = unbounded
   int32_t rr_depth = 2;        ///< Russian roulette by throughput from this number of scattering events on
   bool hide_emitters = false;  ///< from camera rays
+  /// That camera rays start in, scene::none for vacuum; nothing: that of the scene file's camera.
+  std::optional<int32_t> camera_medium = std::nullopt;
 };
 
 /// Light in media that needn't be traced any further.
