@@ -43,6 +43,7 @@ struct IntegratorSettings {
   SingleScattering single_scattering = SingleScattering::automatic;
   int64_t most_records = int64_t{1} << 24;  ///< that one job makes; 0: it only reads those that are there
   bool spheres = false;                     ///< isotropic extents instead of ellipsoids
+  double minimum_radius = 0;  ///< of extents, scene units: none is smaller, whatever its error; >= 0
   /// What decisions by predicted cost reckon with: camera samples of the picture, of all its pixels, and
   /// the relative error that is wanted.
   int64_t expected_samples = int64_t{1} << 20;

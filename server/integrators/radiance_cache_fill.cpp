@@ -308,7 +308,7 @@ cache::MetricSettings RadianceCacheFill::metric_of(const PilotedMetric& piloted)
   metric.first_order_change = piloted.first_order_change;
   metric.radiance_floor = piloted.radiance_floor;
   metric.direct_floor = direct_floor_;
-  metric.minimum_radius = least_radius * scene_radius();
+  metric.minimum_radius = std::max(least_radius * scene_radius(), integrator_.settings().minimum_radius);
   metric.shape = integrator_.settings().spheres ? cache::Shape::sphere : cache::Shape::ellipsoid;
   return metric;
 }

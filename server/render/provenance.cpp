@@ -117,6 +117,7 @@ Provenance describe(const RenderSettings& settings, const Progress& progress,
   json["most_records"] = settings.integrator_settings.most_records;
   json["single_scattering"] = name_of(settings.integrator_settings.single_scattering);
   json["spheres"] = settings.integrator_settings.spheres;
+  json["minimum_radius"] = settings.integrator_settings.minimum_radius;
   json["film"] = film_json(settings.film);
   json["sensor"] = sensor_json(settings.sensor, settings.film);
   return {{"fogbank:version", FOGBANK_VERSION},

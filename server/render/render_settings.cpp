@@ -159,6 +159,9 @@ void validate(const RenderSettings& settings) {
               RenderLimits::path_depth);
   check_range("integrator_settings.rr_depth", settings.integrator_settings.rr_depth, 1,
               RenderLimits::path_depth);
+  const double minimum_radius = settings.integrator_settings.minimum_radius;
+  if (!(std::isfinite(minimum_radius) && minimum_radius >= 0))
+    fail("integrator_settings.minimum_radius", std::to_string(minimum_radius) + " is negative or not finite");
   check_range("tile_size", settings.tile_size, RenderLimits::smallest_tile, RenderLimits::largest_tile);
   validate_film(settings.film);
   validate_sensor(settings.sensor, settings.film);

@@ -103,6 +103,7 @@ void resolve_cache(const v1::RenderSettings& requested, render::RenderSettings& 
       settings.single_scattering = integrators::SingleScattering::automatic;
   }
   settings.spheres = requested.spheres();
+  settings.minimum_radius = requested.minimum_radius();
   if (requested.has_error() && !(requested.error() > 0)) refuse("error", "must be positive");
   engine.error = requested.error();
   if (requested.has_epoch()) {
@@ -148,11 +149,12 @@ void check_cached(const v1::RenderSettings& requested, const std::string& integr
   if (requested.single_scattering() != v1::SINGLE_SCATTERING_UNSPECIFIED && !splits_light(integrator))
     refuse("single_scattering", "the integrator \"" + integrator + "\" has one way for all light");
   if (uses_cache(integrator)) return;
-  const char* field = requested.has_records()     ? "records"
-                      : requested.spheres()       ? "spheres"
-                      : requested.aovs_size() > 0 ? "aovs"
-                      : requested.has_epoch()     ? "epoch"
-                                                  : nullptr;
+  const char* field = requested.has_records()          ? "records"
+                      : requested.spheres()            ? "spheres"
+                      : requested.has_minimum_radius() ? "minimum_radius"
+                      : requested.aovs_size() > 0      ? "aovs"
+                      : requested.has_epoch()          ? "epoch"
+                                                       : nullptr;
   if (field != nullptr) refuse(field, "the integrator \"" + integrator + "\" has no cache");
 }
 
@@ -168,6 +170,7 @@ void check_cached(const v1::RenderSettings& requested, const std::string& integr
       {"sensor.fov_degrees", "camera.fov_degrees"},
       {"sensor.aperture_radius", "camera.aperture_radius"},
       {"sensor.focus_distance", "camera.focus_distance"},
+      {"integrator_settings.minimum_radius", "minimum_radius"},
       {"first_region", "region"},
       {"record_budget", "records"},
       {"integrator_settings.most_records", "records"},

@@ -38,6 +38,7 @@ def test_every_option_reaches_its_field_and_comes_back() -> None:
         "records": 5000,
         "single_scattering": "cached",
         "spheres": True,
+        "minimum_radius": 0.25,
         "epoch": 7,
         "aovs": ["radius", "bias"],
         "reference": "sha256:" + 64 * "a",

@@ -114,10 +114,10 @@ def openjd(
     output.text(shlex.join([*command, *(part for pair in given for part in ("-p", pair))]))
 
 
-_RECORDS = ("integrator", "records", "single_scattering", "spheres", "size", "max_depth")
+_RECORDS = ("integrator", "records", "single_scattering", "spheres", "minimum_radius", "size", "max_depth")
 _PICTURE = (
-    *("integrator", "single_scattering", "spheres", "size", "max_depth", "seed", "spp", "rr_depth", "pixel_type"),
-    *("variance", "aovs", "threads", "tile_size", "tile_order"),
+    *("integrator", "single_scattering", "spheres", "minimum_radius", "size", "max_depth", "seed", "spp", "rr_depth"),
+    *("pixel_type", "variance", "aovs", "threads", "tile_size", "tile_order"),
 )
 
 

@@ -41,6 +41,12 @@ _RECORD_OPTIONS = (
         help="Light scattered once: sampled or from records; light by light by predicted cost (auto), as a rule.",
     ),
     click.option("--spheres", is_flag=True, default=None, help="Extents of records: spheres instead of ellipsoids."),
+    click.option(
+        "--minimum-radius",
+        type=click.FloatRange(min=0.0),
+        metavar="LENGTH",
+        help="Least radius of a record's extent, scene units, whatever its error: fewer records, blurred shadows.",
+    ),
     click.option("--size", type=SizeType(), help="Of the film, in pixels."),
 )
 

@@ -73,6 +73,9 @@ class RenderOptions(TypedDict, total=False):
     spheres: bool | None
     """Gives records the extents of spheres instead of ellipsoids."""
 
+    minimum_radius: float | None
+    """Least radius of a record's extent in scene units, >= 0, whatever its error: fewer records, blurred shadows."""
+
     epoch: int | None
     """Reads the cache as it was at this epoch, which `SceneCache.fill` has named, and makes no record."""
 
@@ -104,6 +107,7 @@ _FIELDS = {
     "error": "error",
     "records": "records",
     "spheres": "spheres",
+    "minimum_radius": "minimum_radius",
     "epoch": "epoch",
     "variance": "variance",
     "threads": "max_threads",

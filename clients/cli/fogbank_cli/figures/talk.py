@@ -40,10 +40,18 @@ class TalkScene:
     """For people, when it isn't there."""
     parameters: dict[str, str] = field(default_factory=dict)
     """Values for `$name` in the XML."""
+    minimum_radii: tuple[float, ...] = ()
+    """Of further variants of the unaware cache, in radii of the scene."""
 
 
 STATUES = (
-    TalkScene("room_fog", SHARED / "data" / "statues" / "room_fog.xml", (192, 108), "a room with statues in fog"),
+    TalkScene(
+        "room_fog",
+        SHARED / "data" / "statues" / "room_fog.xml",
+        (192, 108),
+        "a room with statues in fog",
+        minimum_radii=(0.02, 0.05),
+    ),
 )
 STAIRCASE = (
     # Records are kept of isotropic fog.
@@ -94,6 +102,7 @@ def talk_options(command: Callable[Parameters, Result]) -> Callable[Parameters, 
 def statues(session: Session, /, folder: Path, path: Path | None, **options: object) -> None:
     """Compare path tracing, photon beams and both caches in a room with statues (of the shared data).
 
+    At equal records also ellipsoids against spheres, and the unaware cache with two minimum radii of its extents.
     Writes a report at equal time and one at equal records, tables.md and the numbers as CSV. Goes on where it was.
     """
     reproduce(session, STATUES, folder, path, Budgets(**options))  # type: ignore[arg-type]
@@ -136,7 +145,7 @@ def reproduce(session: Session, scenes: tuple[TalkScene, ...], folder: Path, pat
         raise click.UsageError("comparisons start servers of their own; leave out --server")
     output = session.output
     if path is not None:
-        scenes = (TalkScene(path.stem, path, (0, 0), "the scene of --scene"),)
+        scenes = (TalkScene(path.stem, path, (0, 0), "the scene of --scene", minimum_radii=scenes[0].minimum_radii),)
     for scene in scenes:
         if not scene.path.is_file():
             output.note(f"NOT COMPARED: {scene.name}, {scene.what}: {scene.path} is not there (the shared data)")
@@ -153,7 +162,13 @@ def reproduce(session: Session, scenes: tuple[TalkScene, ...], folder: Path, pat
             for name in METHODS:
                 if name not in known:
                     output.note(f"{name} is no integrator of this server; left out")
-            overheads = measure_overhead(service.load(scene.path, parameters=scene.parameters))
+            loaded = service.load(scene.path, parameters=scene.parameters)
+            overheads = measure_overhead(loaded)
+            caches = [name for name in CACHES if name.partition(":")[0] in known]
+            if CACHES[0] in known:
+                caches += [
+                    f"{CACHES[0]}:minimum_radius={share * loaded.bounds.radius:.2g}" for share in scene.minimum_radii
+                ]
         common = {
             "seeds": how.seeds,
             "parameters": scene.parameters,
@@ -174,7 +189,7 @@ def reproduce(session: Session, scenes: tuple[TalkScene, ...], folder: Path, pat
             by_records = fogbank.compare(
                 scene.path,
                 place / "equal_records",
-                methods=[name for name in CACHES if name.partition(":")[0] in known],
+                methods=caches,
                 budgets=how.records,
                 equal="records",
                 spp=how.spp,

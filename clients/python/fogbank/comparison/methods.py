@@ -14,7 +14,7 @@ Kind = Literal["fogbank", "mitsuba", "command"]
 MITSUBA = "mitsuba"
 DENOISED = "mitsuba+oidn"
 MITSUBA_VARIANT = "llvm_ad_rgb"
-_OPTIONS = ("spheres", "single_scattering", "rr_depth")
+_OPTIONS = ("spheres", "minimum_radius", "single_scattering", "rr_depth")
 
 
 @dataclass(frozen=True)
@@ -90,6 +90,15 @@ def _missing(*modules: str) -> str:
     return f"{' and '.join(absent)} not installed" if absent else ""
 
 
+def _number(name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InvalidArgumentError(
+            f"methods: option {name!r} needs a number, has {text!r}", metadata={"field": "methods"}
+        ) from None
+
+
 def _parse_options(text: str) -> dict[str, Any]:
     options: dict[str, Any] = {}
     for part in filter(None, text.split("+")):
@@ -103,6 +112,8 @@ def _parse_options(text: str) -> dict[str, Any]:
             options[name] = value not in ("0", "false")
         elif name == "rr_depth":
             options[name] = int(value) if value.isdigit() else value
+        elif name == "minimum_radius":
+            options[name] = _number(name, value)
         else:
             options[name] = value
     return options
