@@ -24,20 +24,18 @@ void to_transposed_index(std::array<uint32_t, 3>& x) {
   for (uint32_t q = 1u << (bits - 1); q > 1; q >>= 1) {
     const uint32_t low = q - 1;
     for (uint32_t& coordinate : x) {
-      if ((coordinate & q) != 0) {
-        x[0] ^= low;
-      } else {
-        const uint32_t swapped = (x[0] ^ coordinate) & low;
-        x[0] ^= swapped;
-        coordinate ^= swapped;
-      }
+      // Inverts x[0] where the bit is set and swaps where it isn't, without a branch: bits are as good as
+      // random.
+      const uint32_t inverted = (coordinate & q) != 0 ? low : 0;
+      const uint32_t swapped = (x[0] ^ coordinate) & (low ^ inverted);
+      x[0] ^= swapped | inverted;
+      coordinate ^= swapped;
     }
   }
   x[1] ^= x[0];
   x[2] ^= x[1];
   uint32_t flip = 0;
-  for (uint32_t q = 1u << (bits - 1); q > 1; q >>= 1)
-    if ((x[2] & q) != 0) flip ^= q - 1;
+  for (uint32_t q = 1u << (bits - 1); q > 1; q >>= 1) flip ^= (x[2] & q) != 0 ? q - 1 : 0;
   for (uint32_t& coordinate : x) coordinate ^= flip;
 }
 

@@ -1,7 +1,8 @@
 // Look-ups a second of the radiance cache, the time to publish an epoch, to extend a set and to write and
-// read it, against the number of records. Each point lies in about 12 records; run with
-// --benchmark_filter=.../1000000 for a size. Counters: records that count at a point, bytes a record of set
-// and index together, bytes a record in a file.
+// read it, against the number of records. Fills thin records out: `filled` has 3 at a point, which is more
+// than fills leave; `uniform` and `sheets` have 12. Run with --benchmark_filter=.../1000000 for a size.
+// Counters: records that count at a point, bytes a record of set and index together, bytes a record in a
+// file.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -16,7 +17,7 @@
 namespace fogbank::cache {
 namespace {
 
-constexpr double overlap = 12;
+double overlap(test::Layout layout) { return layout == test::Layout::filled ? 3 : 12; }
 
 struct Cloud {
   std::shared_ptr<const RecordSet> set;
@@ -30,7 +31,7 @@ const Cloud& cloud(test::Layout layout, size_t count) {
   static size_t last_count = 0;
   if (count != last_count || layout != last_layout) {
     last = {};
-    last.set = std::make_shared<RecordSet>(test::make_cloud(layout, count, overlap, 7));
+    last.set = std::make_shared<RecordSet>(test::make_cloud(layout, count, overlap(layout), 7));
     last.epoch = std::make_unique<Epoch>(last.set, test::cloud_settings());
     last_layout = layout;
     last_count = count;
@@ -146,6 +147,12 @@ BENCHMARK_CAPTURE(publish, sheets, test::Layout::sheets)->Arg(100000)->UseRealTi
 
 const int registered = [] {
   for (int64_t count = 1000; count <= 10000000; count *= 10) {
+    benchmark::RegisterBenchmark("look_up/filled_rays", look_up, test::Layout::filled, true)->Arg(count);
+    benchmark::RegisterBenchmark("look_up/filled_random", look_up, test::Layout::filled, false)->Arg(count);
+    benchmark::RegisterBenchmark("publish/filled", publish, test::Layout::filled)
+        ->Arg(count)
+        ->UseRealTime()
+        ->MeasureProcessCPUTime();
     benchmark::RegisterBenchmark("look_up/uniform_rays", look_up, test::Layout::uniform, true)->Arg(count);
     benchmark::RegisterBenchmark("look_up/uniform_random", look_up, test::Layout::uniform, false)->Arg(count);
     benchmark::RegisterBenchmark("publish/uniform", publish, test::Layout::uniform)

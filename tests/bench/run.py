@@ -1,7 +1,7 @@
 """Measures what the README promises, prints tables and writes out/bench/*.json.
 
     python -m tests.bench.run [comparison] [embree] [loading] [serving] [form_factors] [derivatives]
-                              [records] [leaving_out] [cache] [pictures] [watch]
+                              [records] [leaving_out] [cache] [pictures] [reuse] [watch]
                                                                                             all of them by default
 
 `watch` is the regression watch: it adds to tests/bench/history.json and ends with status 1 when something got worse.
@@ -32,6 +32,7 @@ from tests.bench import (
     loading,
     pictures,
     records,
+    reuse,
     serving,
     watch,
 )
@@ -130,6 +131,11 @@ def main() -> None:
                 save("pictures", results)
         return pictures.table(results)
 
+    def run_reuse() -> str:
+        results = reuse.measure(options.threads)
+        save("reuse", results)
+        return reuse.table(results)
+
     worse: list[str] = []
 
     def run_watch() -> str:
@@ -149,6 +155,7 @@ def main() -> None:
         "leaving_out": run_leaving_out,
         "cache": run_cache,
         "pictures": run_pictures,
+        "reuse": run_reuse,
         "watch": run_watch,
     }
     unknown = set(options.parts) - set(parts)

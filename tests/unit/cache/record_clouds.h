@@ -14,8 +14,9 @@
 namespace fogbank::cache::test {
 
 /// How records lie in the unit cube: everywhere alike, or nine in ten about thin sheets, as penumbrae make
-/// them.
-enum class Layout { uniform, sheets };
+/// them; `filled` is uniform with radii spread as in caches that fills made (standard deviations of their
+/// logarithm: 0.13 to 0.42 in components of scenes/glow and scenes/penumbra).
+enum class Layout { uniform, sheets, filled };
 
 /// Random proper rotation: columns are orthonormal.
 inline std::array<Vec3f, 3> random_frame(RandomStream& random) {
@@ -42,6 +43,7 @@ inline MetricSettings cloud_settings() {
 inline std::vector<Record> make_cloud(Layout layout, size_t count, double overlap, uint64_t seed) {
   constexpr int sheets = 16;
   constexpr float deviation = 0.02f;
+  constexpr double radius_spread = 0.3;
   RandomStream layout_random(seed, 0, 0, 0, 1);
   std::array<Vec3f, sheets> normals;
   std::array<float, sheets> offsets;
@@ -51,7 +53,7 @@ inline std::vector<Record> make_cloud(Layout layout, size_t count, double overla
     offsets[i] = glm::dot(normals[i], through);
   }
   const auto density = [&](const Vec3f& p) {
-    if (layout == Layout::uniform) return 1.0;
+    if (layout != Layout::sheets) return 1.0;
     double sum = 0.1;
     for (size_t i = 0; i < sheets; ++i) {
       const double distance =
@@ -89,8 +91,14 @@ inline std::vector<Record> make_cloud(Layout layout, size_t count, double overla
       }
       record.depth.insert(direction, distance);
     }
-    const double radius = std::cbrt(
-        3 * overlap / (4 * 3.14159265358979 * static_cast<double>(count) * density(record.position)));
+    double radius = std::cbrt(3 * overlap /
+                              (4 * 3.14159265358979 * static_cast<double>(count) * density(record.position)));
+    if (layout == Layout::filled) {
+      const double gaussian = std::sqrt(-2 * std::log(1 - static_cast<double>(random.next_float()))) *
+                              std::cos(2 * 3.14159265358979 * static_cast<double>(random.next_float()));
+      // Volumes keep their mean.
+      radius *= std::exp(radius_spread * (gaussian - 1.5 * radius_spread));
+    }
     const double curvature = 15 * cloud_settings().threshold / (2 * 3.14159265358979 * std::pow(radius, 5));
     Vec3f shares;
     for (int k = 0; k < 3; ++k) shares[k] = 0.15f + random.next_float();
