@@ -58,24 +58,36 @@ Index::Index(std::shared_ptr<const RecordSet> set, const ComponentRange& range,
              const MetricSettings& settings)
     : set_(std::move(set)), range_(&range), depth_guard_(settings.guards.depth) {
   const Quantity quantity = range.component.quantity;
-  floor_ = quantity == Quantity::rest || quantity == Quantity::irradiance
-               ? static_cast<float>(settings.radiance_floor)
-               : infinity;
+  floor_ =
+      quantity == Quantity::rest || quantity == Quantity::directional_rest || quantity == Quantity::irradiance
+          ? static_cast<float>(settings.radiance_floor)
+          : infinity;
   greatest_ = quantity == Quantity::ratio ? derivatives::LightProxy::most_ratio : greatest_value;
   const std::vector<Ellipsoid> ellipsoids = guarded_ellipsoids(*set_, range, settings);
   tree_ = EllipsoidTree(set_->positions(range), range.place_count, [&](uint32_t i) { return ellipsoids[i]; });
 }
 
-Interpolation Index::look_up(const Vec3f& point) const {
+Interpolation Index::look_up(const Vec3f& point, const ScatteredDirection* scattered) const {
   Interpolation result;
-  look_up(std::span(&point, 1), std::span(&result, 1));
+  look_up(std::span(&point, 1), std::span(&result, 1), scattered);
   return result;
 }
 
-void Index::look_up(std::span<const Vec3f> points, std::span<Interpolation> results) const {
+void Index::look_up(std::span<const Vec3f> points, std::span<Interpolation> results,
+                    const ScatteredDirection* scattered) const {
   for (size_t first = 0; first < points.size(); first += packet_size)
     look_up_bundle(points.subspan(first, std::min<size_t>(packet_size, points.size() - first)),
-                   results.data() + first);
+                   results.data() + first, scattered);
+}
+
+const Shading& Index::shading(size_t record, const ScatteredDirection* scattered, Shading& room) const {
+  const Shading& stored = set_->shading()[record];
+  const DirectionalShape* shape = scattered != nullptr ? set_->shape(*range_, record) : nullptr;
+  if (shape == nullptr) return stored;
+  const Spectrum share = scattered->share(*shape);
+  room.radiance = share * stored.radiance;
+  for (size_t axis = 0; axis < 3; ++axis) room.derivatives[axis] = share * stored.derivatives[axis];
+  return room;
 }
 
 /// Of one point on a surface.
@@ -119,23 +131,25 @@ float Index::normalised_square(uint32_t place, const Vec3f& offset, const Vec3f&
          tree_.normalised_square(place, broadcast(offset.x), broadcast(offset.y), broadcast(offset.z))[0];
 }
 
-Spectrum Index::extrapolated_by(uint32_t place, const Vec3f& offset) const {
+Spectrum Index::extrapolated_by(uint32_t place, const Vec3f& offset,
+                                const ScatteredDirection* scattered) const {
   const Quantity quantity = range_->component.quantity;
   Spectrum value(0);
   Spectrum centre(0);
   float total = 0;
+  Shading room;
   for (size_t record = range_->first_record + range_->begin(place);
        record < range_->first_record + range_->end(place); ++record) {
     const auto samples = static_cast<float>(set_->samples(record));
-    const Shading& shading = set_->shading()[record];
-    const Spectrum change = shading.derivatives[0] * offset.x + shading.derivatives[1] * offset.y +
-                            shading.derivatives[2] * offset.z;
-    Spectrum one = shading.radiance + change;
+    const Shading& said = shading(record, scattered, room);
+    const Spectrum change =
+        said.derivatives[0] * offset.x + said.derivatives[1] * offset.y + said.derivatives[2] * offset.z;
+    Spectrum one = said.radiance + change;
     if (is_unaware(quantity))
       for (int channel = 0; channel < 3; ++channel)
-        one[channel] = extrapolated(quantity, shading.radiance[channel], change[channel]);
+        one[channel] = extrapolated(quantity, said.radiance[channel], change[channel]);
     total += samples;
-    centre += samples * shading.radiance;
+    centre += samples * said.radiance;
     value += samples * one;
   }
   return glm::clamp(value / total, Spectrum(0), ceiling(centre / total));
@@ -184,14 +198,14 @@ std::vector<Contribution> Index::recovered(const Vec3f& point, const Vec3f& norm
 }
 
 void Index::recover_visible(const Vec3f& point, const Vec3f& normal, const VisibilityTest& visibility,
-                            Interpolation& found) const {
+                            Interpolation& found, const ScatteredDirection* scattered) const {
   if (found.weight > 0 || found.rejected == 0) return;
   const std::vector<Contribution> seen = recovered(point, normal, visibility);
   if (seen.empty()) return;
   Spectrum radiance(0);
   float inverse_radius = 0;
   for (const Contribution& one : seen) {
-    radiance += one.weight * extrapolated_by(one.place, point - position(one.place));
+    radiance += one.weight * extrapolated_by(one.place, point - position(one.place), scattered);
     inverse_radius += one.weight / one.radius;
     found.weight += one.weight;
   }
@@ -201,18 +215,19 @@ void Index::recover_visible(const Vec3f& point, const Vec3f& normal, const Visib
   found.rejected = std::min(found.rejected, most_asked) - found.records;
 }
 
-void Index::look_up_bundle(std::span<const Vec3f> points, Interpolation* results) const {
+void Index::look_up_bundle(std::span<const Vec3f> points, Interpolation* results,
+                           const ScatteredDirection* scattered) const {
   constexpr uint32_t most_packets = 28;  // one point touches about 14
   const PointBundle bundle(points);
   if (bundle.count > 1 && !tree_.touches_at_most(bundle, most_packets)) {
     const size_t half = points.size() / 2;
-    look_up_bundle(points.first(half), results);
-    look_up_bundle(points.subspan(half), results + half);
+    look_up_bundle(points.first(half), results, scattered);
+    look_up_bundle(points.subspan(half), results + half, scattered);
     return;
   }
   Sums sums;
   tree_.search(set_->positions(*range_), bundle, [&](const uint32_t* places, uint32_t count) {
-    for (uint32_t i = 0; i < count; ++i) add(bundle, places[i], sums);
+    for (uint32_t i = 0; i < count; ++i) add(bundle, places[i], scattered, sums);
   });
   for (uint32_t lane = 0; lane < bundle.count; ++lane) {
     Interpolation& result = results[lane];
@@ -228,7 +243,8 @@ void Index::look_up_bundle(std::span<const Vec3f> points, Interpolation* results
   }
 }
 
-void Index::add(const PointBundle& points, uint32_t place, Sums& sums) const {
+void Index::add(const PointBundle& points, uint32_t place, const ScatteredDirection* scattered,
+                Sums& sums) const {
   const PositionPacket& centres = set_->positions(*range_)[place / packet_size];
   const uint32_t place_lane = place % packet_size;
   const Float8 x = points.axes[0] - centres.at(0, place_lane);
@@ -260,19 +276,21 @@ void Index::add(const PointBundle& points, uint32_t place, Sums& sums) const {
   const Float8 d = 1.0f - square_root(square);
   const Float8 weight = select(holds, d * d * (3.0f - 2.0f * d));
   std::array<Float8, 3> value;
-  Spectrum centre = set_->shading()[begin].radiance;
+  Spectrum centre(0);
+  Shading room;
   if (end == begin + 1) {
-    value = extrapolate(range_->component.quantity, set_->shading()[begin], x, y, z);
+    const Shading& said = shading(begin, scattered, room);
+    centre = said.radiance;
+    value = extrapolate(range_->component.quantity, said, x, y, z);
   } else {
     value = {};
-    centre = Spectrum(0);
     float total = 0;
     for (size_t record = begin; record < end; ++record) {
       const auto samples = static_cast<float>(set_->samples(record));
       total += samples;
-      centre += samples * set_->shading()[record].radiance;
-      const std::array<Float8, 3> one =
-          extrapolate(range_->component.quantity, set_->shading()[record], x, y, z);
+      const Shading& said = shading(record, scattered, room);
+      centre += samples * said.radiance;
+      const std::array<Float8, 3> one = extrapolate(range_->component.quantity, said, x, y, z);
       for (size_t channel = 0; channel < 3; ++channel) value[channel] += samples * one[channel];
     }
     for (Float8& channel : value) channel /= total;
@@ -296,7 +314,7 @@ std::vector<Contribution> Index::contributions(const Vec3f& point, const Vec3f& 
       float weight = 0;
       if (normal == Vec3f(0)) {
         Sums sums;
-        add(bundle, places[i], sums);
+        add(bundle, places[i], nullptr, sums);
         weight = sums.weight[0];
       } else {
         Interpolation one;

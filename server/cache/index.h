@@ -45,11 +45,14 @@ class Index {
   /// in the set's order: the same bits for the same set. Radiances count as no more than three times the
   /// record's, or the metric's floor where that is more: the metric's own caps keep extents within twice, but
   /// for the minimum radius, over which a steep gradient would run away. Nothing counts as more than 1e30.
-  Interpolation look_up(const Vec3f& point) const;
+  /// Among records with a shape `scattered` says what to make of it, and values are what is scattered along
+  /// a ray, per unit of sigma_s; null, and among others: mean radiance.
+  Interpolation look_up(const Vec3f& point, const ScatteredDirection* scattered = nullptr) const;
   /// The same, to the bit, for several points, results[i] to points[i]. Up to eight in a row are looked up
   /// together where they lie close together compared with extents, as those of neighbouring pixels do:
   /// several times faster.
-  void look_up(std::span<const Vec3f> points, std::span<Interpolation> results) const;
+  void look_up(std::span<const Vec3f> points, std::span<Interpolation> results,
+               const ScatteredDirection* scattered = nullptr) const;
 
   /// The places behind a look-up, with their weights: for showing and judging what it rests on. `normal`: 0
   /// in a medium. Not those that `recover_visible` finds.
@@ -62,9 +65,10 @@ class Index {
   /// of them say that `visibility` lets through after all: depth bins are coarse and round down, so that in
   /// front of walls they reject most of what is in sight. `normal`: 0 in a medium.
   void recover_visible(const Vec3f& point, const Vec3f& normal, const VisibilityTest& visibility,
-                       Interpolation& found) const;
+                       Interpolation& found, const ScatteredDirection* scattered = nullptr) const;
   /// What the records of a place say at `offset` from it, as look-ups count them.
-  Spectrum extrapolated_by(uint32_t place, const Vec3f& offset) const;
+  Spectrum extrapolated_by(uint32_t place, const Vec3f& offset,
+                           const ScatteredDirection* scattered = nullptr) const;
   /// Harmonic mean of the semi-axes of the extent of `place`, on a surface of those along it; 0 where it
   /// holds nothing.
   float radius(uint32_t place) const;
@@ -82,7 +86,10 @@ class Index {
  private:
   struct Sums;
   struct SurfaceSums;
-  void look_up_bundle(std::span<const Vec3f> points, Interpolation* results) const;
+  void look_up_bundle(std::span<const Vec3f> points, Interpolation* results,
+                      const ScatteredDirection* scattered) const;
+  /// What a record says, number `record` in the set: as the set has it, or made in `room`.
+  const Shading& shading(size_t record, const ScatteredDirection* scattered, Shading& room) const;
   void add_on_surface(const Vec3f& point, const Vec3f& normal, uint32_t place, Interpolation& result,
                       SurfaceSums& sums) const;
   Vec3f position(uint32_t place) const;
@@ -92,13 +99,13 @@ class Index {
   Spectrum ceiling(const Spectrum& radiance) const;
   /// Sum of reciprocals of the semi-axes, on a surface of those along it.
   float inverse_axes(uint32_t place) const;
-  void add(const PointBundle& points, uint32_t place, Sums& sums) const;
+  void add(const PointBundle& points, uint32_t place, const ScatteredDirection* scattered, Sums& sums) const;
 
   std::shared_ptr<const RecordSet> set_;
   const ComponentRange* range_;
   EllipsoidTree tree_;
   bool depth_guard_;
-  /// MetricSettings::radiance_floor; infinite for other quantities than rest and irradiance.
+  /// MetricSettings::radiance_floor; infinite for ratios and the rival's quantities.
   float floor_ = 0;
   float greatest_ = 0;  ///< that a look-up may say
 };

@@ -58,6 +58,9 @@ void validate(const Record& record) {
     refuse("proxy", "0 unless the quantity is the ratio to it or the rival's");
   if (!(record.visibility_margin > 0)) refuse("visibility_margin", "positive");
   if (record.samples == 0) refuse("samples", "at least 1");
+  if (!record.shape.is_valid()) refuse("shape", "of the form that its file describes");
+  if (!has_shape(record.component.quantity) && !record.shape.is_even())
+    refuse("shape", "even unless the quantity has one");
   if (!std::isfinite(record.variance) || record.variance < 0) refuse("variance", "finite and not negative");
 }
 

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "cache/depth_bins.h"
+#include "cache/directional_shape.h"
 #include "core/symmetric.h"
 #include "core/vector.h"
 
@@ -33,7 +34,13 @@ enum class Quantity : uint8_t {
   unaware_rest,
   /// Mean radiance straight from emitters, as the rival makes it.
   unaware_direct,
+  /// `rest` in a medium that scatters by another phase function than the isotropic one, with Record::shape.
+  directional_rest,
 };
+inline constexpr Quantity last_quantity = Quantity::directional_rest;
+
+/// Whether records hold how their light is spread over directions.
+constexpr bool has_shape(Quantity quantity) { return quantity == Quantity::directional_rest; }
 
 /// Whether a quantity has the rival's radius of first order and extrapolation of the logarithm.
 constexpr bool is_unaware(Quantity quantity) {
@@ -67,8 +74,9 @@ struct Record {
   /// Distance to the next visibility event of a directly sampled light, > 0; infinity where there is none
   /// (guard 2 of method.md section 10.4 in the exact form of ratio-records.md section 2).
   float visibility_margin = std::numeric_limits<float>::infinity();
-  uint32_t samples = 1;  ///< rays behind the estimate, >= 1; weight among records of the same place
-  float variance = 0;    ///< of the estimate of the luminance of `radiance`, >= 0
+  uint32_t samples = 1;    ///< rays behind the estimate, >= 1; weight among records of the same place
+  float variance = 0;      ///< of the estimate of the luminance of `radiance`, >= 0
+  DirectionalShape shape;  ///< where has_shape(); else even
 };
 
 /// 64-bit hash of what determines a record. `settings` is a fingerprint of the estimator and its settings,

@@ -49,7 +49,7 @@ Component take_component(ByteReader& bytes) {
   component.scattering_order = bytes.take<uint8_t>();
   const auto quantity = bytes.take<uint8_t>();
   if (!bytes.ok()) refuse_poisoned("it ends too soon");
-  if (quantity > static_cast<uint8_t>(Quantity::unaware_direct))
+  if (quantity > static_cast<uint8_t>(last_quantity))
     refuse_poisoned("there is no quantity " + std::to_string(quantity));
   component.quantity = static_cast<Quantity>(quantity);
   return component;
@@ -99,6 +99,7 @@ void append_record(std::string& bytes, const Record& record) {
   append_bytes(bytes, record.visibility_margin);
   append_bytes(bytes, record.samples);
   append_bytes(bytes, record.variance);
+  if (has_shape(record.component.quantity)) append_bytes(bytes, record.shape);
 }
 
 Record take_record(ByteReader& bytes) {
@@ -115,6 +116,7 @@ Record take_record(ByteReader& bytes) {
   record.visibility_margin = bytes.take<float>();
   record.samples = bytes.take<uint32_t>();
   record.variance = bytes.take<float>();
+  if (has_shape(record.component.quantity)) record.shape = bytes.take<DirectionalShape>();
   if (!bytes.ok()) refuse_poisoned("it ends too soon");
   try {
     validate(record);

@@ -13,6 +13,7 @@ namespace fogbank::cache {
 inline constexpr size_t component_bytes = 8;
 inline constexpr size_t wish_bytes = 24 + component_bytes;
 inline constexpr size_t spaced_wish_bytes = wish_bytes + 4;
+/// Without a shape.
 inline constexpr size_t record_bytes = 20 + component_bytes + 4 * 25 + DepthBins::count;
 
 void append_component(std::string& bytes, const Component& component);

@@ -13,6 +13,7 @@ std::unique_ptr<RecordMaker> make_record_maker(Quantity quantity,
                                                const RecordMakerSettings& settings) {
   switch (quantity) {
     case Quantity::rest:
+    case Quantity::directional_rest:
       return std::make_unique<RestRecordMaker>(std::move(world), settings);
     case Quantity::irradiance:
       return std::make_unique<IrradianceRecordMaker>(std::move(world), settings);

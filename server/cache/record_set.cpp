@@ -44,7 +44,7 @@ std::strong_ordering compare(const Key& a, const Key& b) {
 
 /// Bytes as numbers: any total order will do. There are no bytes of padding.
 std::strong_ordering compare_contents(const Record& a, const Record& b) {
-  using Bytes = std::array<uint8_t, 192>;
+  using Bytes = std::array<uint8_t, 224>;
   return std::bit_cast<Bytes>(a) <=> std::bit_cast<Bytes>(b);
 }
 
@@ -137,6 +137,7 @@ void RecordSet::assemble(size_t count, const std::function<Record(size_t)>& get)
   margins_.resize(count);
   std::vector<Vec3f> positions(count);
   std::vector<uint32_t> particulars(count);
+  std::vector<DirectionalShape> shapes(count);
   std::vector<Component> components(count);
   std::vector<Step> steps(count);
   tbb::parallel_for(tbb::blocked_range<size_t>(0, count, 1024), [&](const tbb::blocked_range<size_t>& block) {
@@ -147,6 +148,7 @@ void RecordSet::assemble(size_t count, const std::function<Record(size_t)>& get)
       positions[i] = record.position;
       components[i] = record.component;
       particulars[i] = pack_particular(record);
+      shapes[i] = record.shape;
       ids_[i] = record.id;
       shading_[i].radiance = record.radiance;
       for (int axis = 0; axis < 3; ++axis)
@@ -163,6 +165,7 @@ void RecordSet::assemble(size_t count, const std::function<Record(size_t)>& get)
 
   size_t packets = 0;
   size_t particular_count = 0;
+  size_t shape_count = 0;
   for (size_t i = 0; i < count; ++i) {
     if (steps[i] == Step::component) {
       ComponentRange range;
@@ -170,6 +173,7 @@ void RecordSet::assemble(size_t count, const std::function<Record(size_t)>& get)
       range.first_record = i;
       range.first_packet = packets;
       range.first_particular = particular_count;
+      range.first_shape = shape_count;
       components_.push_back(std::move(range));
     }
     ComponentRange& range = components_.back();
@@ -178,10 +182,12 @@ void RecordSet::assemble(size_t count, const std::function<Record(size_t)>& get)
     }
     ++range.record_count;
     if (has_particular(range.component.quantity)) ++particular_count;
+    if (has_shape(range.component.quantity)) ++shape_count;
   }
   components_.shrink_to_fit();
   positions_.resize(packets);
   particulars_.resize(particular_count);
+  shapes_.resize(shape_count);
   for (ComponentRange& range : components_) {
     const bool several = range.record_count > range.place_count;
     if (several) range.starts.reserve(size_t{range.place_count} + 1);
@@ -191,6 +197,7 @@ void RecordSet::assemble(size_t count, const std::function<Record(size_t)>& get)
       extent_ = std::max(extent_, max_component(glm::abs(positions[record])));
       if (has_particular(range.component.quantity))
         particulars_[range.first_particular + i] = particulars[record];
+      if (has_shape(range.component.quantity)) shapes_[range.first_shape + i] = shapes[record];
       if (steps[record] == Step::same_place) continue;
       PositionPacket& packet = positions_[range.first_packet + place / packet_size];
       for (int axis = 0; axis < 3; ++axis) packet.at(axis, place % packet_size) = positions[record][axis];
@@ -240,6 +247,7 @@ Record RecordSet::record(const ComponentRange& range, size_t index) const {
   result.hessian = details_[index].hessian;
   if (has_particular(range.component.quantity))
     unpack_particular(particulars_[range.first_particular + index - range.first_record], result);
+  if (const DirectionalShape* of_record = shape(range, index)) result.shape = *of_record;
   result.depth = depth_[index];
   result.visibility_margin = unpack_margin(margins_[index]);
   result.samples = details_[index].samples;
@@ -287,7 +295,7 @@ size_t RecordSet::memory() const {
   const auto bytes_of = [](const auto& column) { return column.capacity() * sizeof(column[0]); };
   size_t bytes = bytes_of(positions_) + bytes_of(ids_) + bytes_of(shading_) + bytes_of(depth_) +
                  bytes_of(nearest_) + bytes_of(details_) + bytes_of(margins_) + bytes_of(particulars_) +
-                 bytes_of(components_);
+                 bytes_of(shapes_) + bytes_of(components_);
   for (const ComponentRange& range : components_) bytes += bytes_of(range.starts);
   return bytes;
 }

@@ -24,6 +24,7 @@ struct ComponentRange {
   size_t record_count = 0;
   size_t first_packet = 0;      ///< positions of places, 8 a packet, the last one padded
   size_t first_particular = 0;  ///< of the first record, where has_particular()
+  size_t first_shape = 0;       ///< of the first record, where has_shape()
   uint32_t place_count = 0;
   /// Number of the first record of each place and one past the last, relative to first_record; empty where
   /// each place has one record, which is what fills make first.
@@ -50,7 +51,7 @@ struct Place {
 
 /// Immutable. Records are canonical() and lie along a Hilbert curve, component by component: an order that is
 /// a function of the set alone and keeps neighbours in space near each other in memory. 167 bytes a record,
-/// 171 where has_particular().
+/// 171 where has_particular(), 199 where has_shape().
 class RecordSet {
  public:
   RecordSet() = default;
@@ -81,6 +82,11 @@ class RecordSet {
   /// Least code of each record's depth bins.
   const uint8_t* nearest() const { return nearest_.data(); }
   uint32_t samples(size_t index) const { return details_[index].samples; }
+  /// By number in the set, which lies in `range`; null where the quantity has none.
+  const DirectionalShape* shape(const ComponentRange& range, size_t index) const {
+    return has_shape(range.component.quantity) ? &shapes_[range.first_shape + index - range.first_record]
+                                               : nullptr;
+  }
 
   std::span<const uint64_t> ids(const ComponentRange& range) const {
     return std::span(ids_).subspan(range.first_record, range.record_count);
@@ -112,8 +118,9 @@ class RecordSet {
   std::vector<uint8_t> nearest_;
   std::vector<Details> details_;
   std::vector<uint16_t> margins_;
-  std::vector<uint32_t> particulars_;  ///< of components that have them
-  float extent_ = 0;                   ///< greatest coordinate, without its sign
+  std::vector<uint32_t> particulars_;     ///< of components that have them
+  std::vector<DirectionalShape> shapes_;  ///< of components that have them
+  float extent_ = 0;                      ///< greatest coordinate, without its sign
 };
 
 /// Union: commutative, associative, idempotent. Linear in the sizes, by all threads.

@@ -85,9 +85,11 @@ RadianceJet Aware::estimate_from(const LightSources& sources, const Vec3f& x, in
   if (settings_.order != Order::multiple) {
     sum += sphere_.gather(samples, counters);
     const auto ends = samples.rays.ends();
-    for (size_t i = 0; i < ends.size(); ++i)
-      samples.arriving[i] +=
-          static_cast<double>(luminance(ends[i].weight * (samples.radiance[i] + ends[i].emitted)));
+    for (size_t i = 0; i < ends.size(); ++i) {
+      const Spectrum arriving = ends[i].weight * (samples.radiance[i] + ends[i].emitted);
+      samples.light[i] += Vec3d(arriving);
+      samples.arriving[i] += static_cast<double>(luminance(arriving));
+    }
   }
   if (plan_.shells()) {
     RandomStream random = random_at(x, settings_.seed, repeat, medium_stream);
@@ -102,9 +104,15 @@ void Aware::add_medium(const MediumSource& source, const Vec3f& x, SphereSamples
   counters.poll();
   const std::vector<RayOutline> outlines =
       ray_outlines(samples, far_radii * static_cast<double>(world_->scene().bounds.radius));
+  std::vector<Vec3d> arriving(rays.size(), Vec3d(0));
   sum += MediumGather(*world_, source)
              .gather(x, rays, samples.rays.topology().triangles(), outlines, settings_.derivatives, random,
-                     counters, samples.arriving, &samples.medium_variance);
+                     counters, arriving, &samples.medium_variance);
+  for (size_t i = 0; i < arriving.size(); ++i) {
+    samples.light[i] += arriving[i];
+    for (size_t c = 0; c < 3; ++c)
+      samples.arriving[i] += luminance_weights[c] * arriving[i][static_cast<int>(c)];
+  }
 }
 
 }  // namespace fogbank::derivatives

@@ -90,7 +90,8 @@ Spectrum CorrelatedLight::from_direction(const Vec3f& x, int32_t medium, const V
       const float pdf = info.mean_sigma_t * std::exp(-info.mean_sigma_t * t) / opacity;
       const Spectrum weight = through * info.sigma_s * transport::transmittance(info.sigma_t, t) / pdf;
       if (pdf > 0 && is_finite(weight))
-        sum += weight * paths_.mean_radiance(ray.at(t), medium, 1, random, counters);
+        sum +=
+            weight * paths_.light_in_medium(ray.at(t), ray.direction, medium, 1, random, counters).scattered;
     }
     if (!found) break;
     if (medium != scene::none)

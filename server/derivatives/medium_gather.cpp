@@ -77,20 +77,13 @@ void MediumGather::march_stretch(MediumRecord& record, size_t ray, size_t index,
 void MediumGather::look(MediumRecord& record, size_t ray, size_t first, RandomStream& random,
                         RayCounters& counters) const {
   const MediumRay& line = record.rays[ray];
-  std::vector<Vec3f> points;
-  std::vector<Spectrum> sources;
-  while (first < record.samples.size()) {
-    const uint32_t stretch = record.samples[first].stretch;
-    points.clear();
-    for (size_t i = first; i < record.samples.size() && record.samples[i].stretch == stretch; ++i)
-      points.push_back(record.x + Vec3f(line.direction * record.samples[i].distance));
-    sources.resize(points.size());
-    source_.mean_radiance_at(points, line.stretches[stretch].medium, random, counters, sources);
-    for (const Spectrum& source : sources) {
-      MediumSample& sample = record.samples[first++];
-      sample.source = Vec3d(source);
-      if (sample.near) record.nearby[ray].source = sample.source;
-    }
+  for (MediumSample& sample : std::span(record.samples).subspan(first)) {
+    const transport::MediumLight light =
+        source_.light(record.x + Vec3f(line.direction * sample.distance), Vec3f(line.direction),
+                      line.stretches[sample.stretch].medium, random, counters);
+    sample.source = Vec3d(light.mean);
+    sample.scattered = Vec3d(light.scattered);
+    if (sample.near) record.nearby[ray].source = sample.source;
   }
 }
 
@@ -180,7 +173,7 @@ void MediumGather::subtract_linear_source(MediumRecord& record, RandomStream& ra
 RadianceJet MediumGather::gather(const Vec3f& x, std::span<const MediumRay> rays,
                                  std::span<const std::array<uint32_t, 3>> triangles,
                                  std::span<const RayOutline> outlines, DerivativeOrder order,
-                                 RandomStream& random, RayCounters& counters, std::span<double> arriving,
+                                 RandomStream& random, RayCounters& counters, std::span<Vec3d> arriving,
                                  DerivativeVariance* variance) const {
   RadianceJet result;
   if (rays.empty()) return result;
@@ -196,10 +189,7 @@ RadianceJet MediumGather::gather(const Vec3f& x, std::span<const MediumRay> rays
       variance->hessian += spread.hessian;
     }
   }
-  for (size_t i = 0; i < arriving.size(); ++i) {
-    const Vec3d along = record.value_along(i);
-    for (size_t c = 0; c < 3; ++c) arriving[i] += luminance_weights[c] * along[static_cast<int>(c)];
-  }
+  for (size_t i = 0; i < arriving.size(); ++i) arriving[i] = record.value_along(i);
   const Vec3d value = record.value();
   for (int c = 0; c < 3; ++c) {
     Jet3d& channel = result.channels[static_cast<size_t>(c)];

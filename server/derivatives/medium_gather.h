@@ -69,12 +69,12 @@ class MediumGather {
   /// begin in the same medium: the stratified mean, unbiased. Derivatives are of the light that `triangles`
   /// (indices into `rays`, a closed triangulation of the sphere, r1 . (r2 x r3) > 0 but for inverted ones)
   /// hold together, ends of neighbours being joined but for `outlines`, which come in any order; they are
-  /// 0 unless `order` asks for them. Finite. `arriving`, one a ray or empty, gets what each ray's luminance
-  /// contributes to their mean added; `variance`, or null, what the noise of sources does to derivatives.
+  /// 0 unless `order` asks for them. Finite. `arriving`, one a ray or empty, is what arrives along each;
+  /// `variance`, or null, what the noise of sources does to derivatives.
   RadianceJet gather(const Vec3f& x, std::span<const MediumRay> rays,
                      std::span<const std::array<uint32_t, 3>> triangles, std::span<const RayOutline> outlines,
                      DerivativeOrder order, RandomStream& random, RayCounters& counters,
-                     std::span<double> arriving = {}, DerivativeVariance* variance = nullptr) const;
+                     std::span<Vec3d> arriving = {}, DerivativeVariance* variance = nullptr) const;
 
  private:
   void march(MediumRecord& record, RandomStream& random, RayCounters& counters) const;

@@ -48,13 +48,13 @@ MediumRecord::MediumRecord(const transport::World& the_world, const Vec3f& point
 
 Vec3d MediumRecord::value_along(size_t ray) const {
   Vec3d sum(0);
-  for (const MediumSample& sample : samples_of(ray)) sum += sample.weight * sample.source;
+  for (const MediumSample& sample : samples_of(ray)) sum += sample.weight * sample.scattered;
   return sum;
 }
 
 Vec3d MediumRecord::value() const {
   Vec3d sum(0);
-  for (const MediumSample& sample : samples) sum += sample.weight * sample.source;
+  for (const MediumSample& sample : samples) sum += sample.weight * sample.scattered;
   return sum / static_cast<double>(rays.size());
 }
 

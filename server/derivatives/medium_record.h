@@ -13,7 +13,11 @@ struct MediumSample {
   /// In the first stratum around the point, which derivatives see through MediumRecord::nearby.
   bool near = false;
   Vec3d weight{0};  ///< sigma_s times transmittance over the distance's density
-  Vec3d source{0};  ///< q
+  /// q, whose derivatives stand for those of `scattered`: what depends on the direction of sight turns with
+  /// the point and has little of a gradient of its own, while taken for sources that are fixed in the world
+  /// it would seem to have a steep one.
+  Vec3d source{0};
+  Vec3d scattered{0};  ///< what is sent to the point, per unit of sigma_s; equal to q if that is isotropic
 };
 
 /// The source close to the point, along one ray: the outermost sample of the first stratum, at `distance`,

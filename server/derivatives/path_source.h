@@ -20,6 +20,12 @@ class PathTracedSource final : public MediumSource, public LineSource, public Su
     const Spectrum sample = kernel_->mean_radiance(y, medium, depth_, random, counters);
     return is_finite(sample) ? sample : Spectrum(0);
   }
+  transport::MediumLight light(const Vec3f& y, const Vec3f& direction, int32_t medium, RandomStream& random,
+                               RayCounters& counters) const override {
+    const transport::MediumLight sample =
+        kernel_->light_in_medium(y, direction, medium, depth_, random, counters);
+    return is_finite(sample.scattered) && is_finite(sample.mean) ? sample : transport::MediumLight{};
+  }
   Spectrum leaving_radiance(const SurfaceHit& hit, int32_t samples, RandomStream& random,
                             RayCounters& counters) const override {
     Spectrum sum(0);

@@ -7,22 +7,24 @@
 #include "core/random.h"
 #include "core/ray_counters.h"
 #include "scene/scene.h"
+#include "transport/direct_light.h"
 
 namespace fogbank::derivatives {
 
-/// q(y) of method.md sections 1 and 8: mean radiance (fluence / 4 pi) at points of the medium; times sigma_s
-/// it is what the medium sends out.
+/// q(y) of method.md sections 1 and 8: what the medium sends out, per unit of sigma_s.
 class MediumSource {
  public:
   virtual ~MediumSource() = default;
-  /// One unbiased sample at `y` inside `medium`; finite, >= 0. Draws only from `random`.
+  /// Mean radiance (fluence / 4 pi): what is sent out on average over directions, and in all of them where
+  /// the phase function is isotropic. One unbiased sample at `y` inside `medium`; finite, >= 0. Draws only
+  /// from `random`.
   virtual Spectrum mean_radiance(const Vec3f& y, int32_t medium, RandomStream& random,
                                  RayCounters& counters) const = 0;
-  /// The same at several points, results[i] at points[i]; cheaper where neighbours in the order are close.
-  virtual void mean_radiance_at(std::span<const Vec3f> points, int32_t medium, RandomStream& random,
-                                RayCounters& counters, std::span<Spectrum> results) const {
-    for (size_t i = 0; i < points.size(); ++i)
-      results[i] = mean_radiance(points[i], medium, random, counters);
+  /// The same with what is sent out against a ray that passes `y` in `direction`, unit.
+  virtual transport::MediumLight light(const Vec3f& y, const Vec3f& /*direction*/, int32_t medium,
+                                       RandomStream& random, RayCounters& counters) const {
+    const Spectrum mean = mean_radiance(y, medium, random, counters);
+    return {mean, mean};
   }
   /// Samples are free of noise, so that no filtering is due.
   virtual bool exact() const { return false; }

@@ -52,6 +52,7 @@ void SphereGather::trace(const Vec3f& x, int32_t medium, RandomStream& random, S
   samples.outlines.points.clear();
   samples.outlines.of_edge.assign(samples.rays.topology().edges().size(), Outlines::none);
   samples.radiance.assign(samples.rays.ends().size(), Spectrum(0));
+  samples.light.assign(samples.rays.ends().size(), Vec3d(0));
   samples.arriving.assign(samples.rays.ends().size(), 0);
   samples.medium_variance = {};
 }

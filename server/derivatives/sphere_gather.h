@@ -21,8 +21,9 @@ struct SphereSamples {
   SphereRays rays;
   Outlines outlines;
   std::vector<Spectrum> radiance;  ///< leaving each ray's end towards the point; unbiased, noisy
-  /// Luminance that arrives along each ray from everything that was gathered: the estimate's value is their
-  /// mean.
+  /// What arrives along each ray from everything that was gathered, and its luminance: the estimate's value
+  /// is their mean.
+  std::vector<Vec3d> light;
   std::vector<double> arriving;
   DerivativeVariance medium_variance;  ///< of the medium's light
 };

@@ -224,8 +224,10 @@ void Unaware::march(Gather& gather, const Sightlines& lines, size_t line, float 
       const float pdf = info.mean_sigma_t * std::exp(-info.mean_sigma_t * t) / opacity;
       const float distance = begin + t;
       const Spectrum value = (share / (march_strata * pdf)) * info.sigma_s *
-                             paths_.mean_radiance(gather.at + direction * distance, medium, 1,
-                                                  gather.march_random, gather.counters);
+                             paths_
+                                 .light_in_medium(gather.at + direction * distance, direction, medium, 1,
+                                                  gather.march_random, gather.counters)
+                                 .scattered;
       if (is_black(value) || !is_finite(value)) continue;
       const Vec3d r = gather.kept_apart(Vec3d(direction) * static_cast<double>(distance));
       gather.add(

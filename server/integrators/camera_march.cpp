@@ -68,7 +68,7 @@ MarchSample sample_distance(const transport::MediumSegment& segment, float first
 CameraMarch::CameraMarch(const transport::MediumSegment& segment, float first, float last,
                          const cache::Index* index, const cache::VisibilityTest& visibility,
                          float widest_step)
-    : segment_(segment), first_(first), last_(last) {
+    : segment_(segment), scattered_(segment.medium->phase, segment.direction), first_(first), last_(last) {
   const transport::MediumInfo& medium = *segment.medium;
   const float hidden = most_optical_distance / least_sigma(medium);
   if (!(first < last) || !(first < hidden)) return;
@@ -124,10 +124,10 @@ void CameraMarch::place_nodes(const cache::Index* index, const cache::Visibility
         break;
       }
     }
-    if (index != nullptr) index->look_up(std::span(points).first(size), found);
+    if (index != nullptr) index->look_up(std::span(points).first(size), found, &scattered_);
     float next = step;
     for (size_t i = 0; i < size; ++i) {
-      if (index != nullptr) index->recover_visible(points[i], Vec3f(0), visibility, found[i]);
+      if (index != nullptr) index->recover_visible(points[i], Vec3f(0), visibility, found[i], &scattered_);
       MarchNode& node = nodes_[count_++];
       node = {distances[i], found[i], Spectrum(0)};
       next = wanted_step(node);

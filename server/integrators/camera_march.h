@@ -41,6 +41,8 @@ class CameraMarch {
   CameraMarch(const transport::MediumSegment& segment, float first, float last, const cache::Index* index,
               const cache::VisibilityTest& visibility, float widest_step);
 
+  /// What becomes of records with a shape.
+  const cache::ScatteredDirection& scattered() const { return scattered_; }
   std::span<const MarchNode> nodes() const { return std::span(nodes_).first(count_); }
   /// Somewhere under the hat function of node `number`, with an expected weight of the node's: for estimates
   /// that are to be unbiased however wide the steps are.
@@ -53,6 +55,7 @@ class CameraMarch {
   Spectrum transmittance_at(float t) const;
 
   const transport::MediumSegment& segment_;
+  cache::ScatteredDirection scattered_;
   std::array<MarchNode, most_nodes> nodes_;
   size_t count_ = 0;
   float first_ = 0;

@@ -38,7 +38,8 @@ const std::vector<Entry>& entries() {
         .cached = true},
        [](std::shared_ptr<const transport::World> world,
           const IntegratorSettings& settings) -> std::unique_ptr<Integrator> {
-         return std::make_unique<RadianceCacheIntegrator>(std::move(world), settings, unaware_technique);
+         return std::make_unique<RadianceCacheIntegrator>(std::move(world), settings,
+                                                          CacheTechnique{.aware = false});
        }},
       {{"photon-beams",
         "progressive photon beams: finds caustics of small lights; blur and noise both go to zero"},

@@ -17,6 +17,8 @@ struct LookUp {
   /// How far a record here may reach at most, going by those that were found along the same ray: no farther
   /// than theirs and the way to them (neighbour clamping). Infinite where there are none.
   float reach = infinity;
+  /// What becomes of records with a shape, as long as the observer is told; null on surfaces.
+  const cache::ScatteredDirection* scattered = nullptr;
   /// What recovered the records behind `found`, if the index alone has none; lives as long as the call.
   const cache::VisibilityTest* visibility = nullptr;
 };

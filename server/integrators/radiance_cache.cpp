@@ -87,7 +87,7 @@ RadianceCacheIntegrator::RadianceCacheIntegrator(std::shared_ptr<const transport
       single_scattering_(world_),
       cache_(settings.cache ? settings.cache : std::make_shared<cache::SceneCache>()),
       records_at_start_(cache_->records()->size()),
-      pilot_(world_, technique.rest) {}
+      pilot_(world_, technique) {}
 
 void RadianceCacheIntegrator::publish(PublishedCache published, uint64_t records_new) {
   published_ = std::move(published);
@@ -102,8 +102,11 @@ const std::shared_ptr<cache::PhotonField>& RadianceCacheIntegrator::photons(uint
   return photons_;
 }
 
-bool RadianceCacheIntegrator::is_cached(const MediumInfo& medium) {
-  return medium.phase.is_isotropic() && !is_black(medium.sigma_s);
+std::vector<Decision> RadianceCacheIntegrator::decisions() const {
+  std::vector<Decision> decisions = medium_decisions(*world_, technique_);
+  decisions.insert(decisions.end(), single_scattering_.decisions().begin(),
+                   single_scattering_.decisions().end());
+  return decisions;
 }
 
 cache::Component RadianceCacheIntegrator::medium_component(const Walk& walk, cache::Quantity quantity) const {
@@ -162,7 +165,7 @@ Spectrum RadianceCacheIntegrator::uncached_light(const Walk& walk, const MediumI
                                                  cache::Quantity quantity, const Vec3f& position,
                                                  const Vec3f& direction, RandomStream& random,
                                                  RayCounters& counters) const {
-  if (quantity != technique_.direct)
+  if (quantity != technique_.direct(medium))
     return scattered_path(walk, medium, position, direction, random, counters);
   return transport::mean_direct_light(*world_, position, walk.medium, EmissionFoundBy::light_sampling, random,
                                       counters);
@@ -172,8 +175,8 @@ PixelSample RadianceCacheIntegrator::from_medium(const Walk& walk, const MediumS
                                                  RandomStream& random, RayCounters& counters) const {
   const MediumInfo& medium = *segment.medium;
   PixelSample sum;
-  if (technique_.direct && is_cached(medium) && walk.straight)
-    sum = from_cache(walk, segment, *technique_.direct, random, counters);
+  if (const auto direct = technique_.direct(medium); direct && walk.straight)
+    sum = from_cache(walk, segment, *direct, random, counters);
   else if (walk.observer == nullptr)
     sum = single_scattering_.sample(segment, walk.medium, walk.wants_cached, published_.epoch.get(), random,
                                     counters);
@@ -181,14 +184,15 @@ PixelSample RadianceCacheIntegrator::from_medium(const Walk& walk, const MediumS
     single_scattering_.observe(segment, walk.medium, published_.epoch.get(), walk.throughput, *walk.observer);
   // One scattering event more than for direct light.
   if (settings_.max_depth >= 0 && walk.depth + 2 >= settings_.max_depth) return sum;
-  if (!is_cached(medium)) {
+  const std::optional<cache::Quantity> rest = technique_.rest(medium);
+  if (!rest) {
     if (walk.observer == nullptr)
-      sum.sampled += from_beyond(walk, segment, technique_.rest, 0, 0, random, counters);
+      sum.sampled += from_beyond(walk, segment, cache::Quantity::rest, 0, 0, random, counters);
     return sum;
   }
   if (!walk.straight && !walk.wants_cached) return sum;
-  const PixelSample more = walk.straight ? from_cache(walk, segment, technique_.rest, random, counters)
-                                         : from_random_place(walk, segment, random, counters);
+  const PixelSample more = walk.straight ? from_cache(walk, segment, *rest, random, counters)
+                                         : from_random_place(walk, segment, *rest, random, counters);
   sum.sampled += more.sampled;
   sum.cached += more.cached;
   return sum;
@@ -244,15 +248,18 @@ Spectrum RadianceCacheIntegrator::from_records(const Walk& walk, const MediumSeg
 }
 
 PixelSample RadianceCacheIntegrator::from_random_place(const Walk& walk, const MediumSegment& segment,
-                                                       RandomStream& random, RayCounters& counters) const {
+                                                       cache::Quantity quantity, RandomStream& random,
+                                                       RayCounters& counters) const {
   const MarchSample place = sample_distance(segment, 0, segment.length, random);
   if (is_black(place.weight)) return {};
   const Vec3f position = segment.origin + segment.direction * place.t;
-  const cache::Index* index = find(medium_component(walk, technique_.rest));
+  const cache::Index* index = find(medium_component(walk, quantity));
   cache::Interpolation found;
   if (index != nullptr) {
-    found = index->look_up(position);
-    index->recover_visible(position, Vec3f(0), cache::RayVisibility(world_->scene(), counters), found);
+    const cache::ScatteredDirection scattered(segment.medium->phase, segment.direction);
+    found = index->look_up(position, &scattered);
+    index->recover_visible(position, Vec3f(0), cache::RayVisibility(world_->scene(), counters), found,
+                           &scattered);
   }
   if (found.weight > 0) return {.cached = place.weight * found.radiance};
   return {.cached = place.weight *
@@ -306,6 +313,7 @@ void RadianceCacheIntegrator::report(const Walk& walk, const MediumSegment& segm
                             nodes[i].t,
                             segment.length - nodes[i].t,
                             reach[i],
+                            &march.scattered(),
                             &visibility});
 }
 
@@ -471,7 +479,7 @@ void RadianceCacheIntegrator::observe(const Ray& ray, RandomStream& random, RayC
 
 std::unique_ptr<Preparation> RadianceCacheIntegrator::prepare(const CameraRays& camera,
                                                               const CacheTarget& target) {
-  if (!technique_.direct) single_scattering_.decide(settings_, camera, *cache_->records());
+  if (technique_.aware) single_scattering_.decide(settings_, camera, *cache_->records());
   return std::make_unique<RadianceCacheFill>(*this, camera, target);
 }
 

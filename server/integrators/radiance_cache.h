@@ -11,6 +11,7 @@
 #include "integrators/camera_march.h"
 #include "integrators/integrator.h"
 #include "integrators/look_up_observer.h"
+#include "integrators/medium_records.h"
 #include "integrators/radiance_cache_pilot.h"
 #include "integrators/single_scattering.h"
 #include "transport/path_tracer.h"
@@ -24,23 +25,10 @@ struct PublishedCache {
   float typical_radius = 0;  ///< of extents at the epoch's threshold, > 0: the step where no record reaches
 };
 
-/// Which records a picture's fog is made of.
-struct CacheTechnique {
-  cache::Quantity rest = cache::Quantity::rest;
-  /// Of single scattering; nothing: SingleScatteringTerm finds it.
-  std::optional<cache::Quantity> direct;
-};
-
-/// Derivatives see occlusion; single scattering has techniques of its own.
-inline constexpr CacheTechnique aware_technique{};
-/// The rival, after Jarosz et al. 2008: single scattering is cached as well.
-inline constexpr CacheTechnique unaware_technique{cache::Quantity::unaware_rest,
-                                                  cache::Quantity::unaware_direct};
-
 class RadianceCacheIntegrator final : public Integrator {
  public:
   RadianceCacheIntegrator(std::shared_ptr<const transport::World> world, const IntegratorSettings& settings,
-                          const CacheTechnique& technique = aware_technique);
+                          const CacheTechnique& technique = {});
 
   /// Against the epoch that the preparation published. Where no record reaches, a path takes its place.
   PixelSample sample(const Ray& ray, RandomStream& random, RayCounters& counters) const override;
@@ -48,7 +36,7 @@ class RadianceCacheIntegrator final : public Integrator {
                                    RayCounters& counters) const override;
   std::unique_ptr<Preparation> prepare(const CameraRays& camera, const CacheTarget& target) override;
   CacheCounts cache_counts() const override;
-  std::vector<Decision> decisions() const override { return single_scattering_.decisions(); }
+  std::vector<Decision> decisions() const override;
   CacheView cache_view(const Ray& ray, RandomStream& random, RayCounters& counters) const override;
   std::shared_ptr<const cache::Epoch> epoch() const override { return published_.epoch; }
 
@@ -69,9 +57,6 @@ class RadianceCacheIntegrator final : public Integrator {
   /// While nothing is rendered.
   void publish(PublishedCache published, uint64_t records_new);
 
-  /// Whether a record's mean radiance says what the medium scatters: in any direction alike, and something.
-  static bool is_cached(const transport::MediumInfo& medium);
-
  private:
   struct Walk;
 
@@ -87,7 +72,7 @@ class RadianceCacheIntegrator final : public Integrator {
                         const CameraMarch& march, RandomStream& random, RayCounters& counters) const;
   /// Light scattered more than once, at one random place: where a segment's direction is random already.
   PixelSample from_random_place(const Walk& walk, const transport::MediumSegment& segment,
-                                RandomStream& random, RayCounters& counters) const;
+                                cache::Quantity quantity, RandomStream& random, RayCounters& counters) const;
   /// Light of one quantity that the segment scatters outside [first, last], sampled.
   Spectrum from_beyond(const Walk& walk, const transport::MediumSegment& segment, cache::Quantity quantity,
                        float first, float last, RandomStream& random, RayCounters& counters) const;

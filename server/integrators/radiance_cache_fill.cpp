@@ -84,13 +84,16 @@ void RadianceCacheFill::leave_unfinished() {
 }
 
 void RadianceCacheFill::choose_generation() {
-  const std::vector<cache::Record> pilot = integrator_.pilot().records();
+  // Photons end paths in media of isotropic phase functions only.
+  std::vector<cache::Record> pilot = integrator_.pilot().records();
+  std::erase_if(
+      pilot, [](const cache::Record& record) { return record.component.quantity != cache::Quantity::rest; });
   double rays = 0;
   for (const cache::Record& record : pilot) rays += static_cast<double>(record.samples);
   const bool long_paths = rays > long_paths_rays * first_samples * static_cast<double>(pilot.size());
   const int32_t max_depth = integrator_.settings().max_depth;
   const bool any_depth = max_depth < 0 || max_depth >= least_depth_of_photons;
-  generation_ = long_paths && any_depth && integrator_.technique().rest == cache::Quantity::rest ? 1 : 0;
+  generation_ = long_paths && any_depth ? 1 : 0;
 }
 
 void RadianceCacheFill::need_maker(const cache::Component& component, uint32_t level) {
@@ -130,7 +133,7 @@ uint32_t RadianceCacheFill::next_round() {
         const auto count = static_cast<uint32_t>(
             reads_only ? pilot.count() : std::min<uint64_t>(pilot.count(), records_left()));
         if (count > 0) {
-          need_maker({.quantity = integrator_.technique().rest}, 0);
+          for (uint32_t place = 0; place < count; ++place) need_maker(pilot.component(place), 0);
           round_ = Round::pilot;
           return count;
         }
@@ -215,7 +218,7 @@ void RadianceCacheFill::run(uint32_t task, RayCounters& counters) {
   scene::prepare_render_thread();
   switch (round_) {
     case Round::pilot:
-      integrator_.pilot().make(task, maker({.quantity = integrator_.technique().rest}), counters);
+      integrator_.pilot().make(task, maker(integrator_.pilot().component(task)), counters);
       break;
     case Round::probing: {
       UncoveredPlaces uncovered(integrator_.published().typical_radius);

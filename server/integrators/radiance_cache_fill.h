@@ -47,7 +47,7 @@ class RadianceCacheFill final : public Preparation {
   void check(const cache::Component& component, uint8_t generation) const;
   std::vector<cache::Wish> take_wishes(cache::ByteReader& reader, uint8_t generation) const;
   cache::Record take_record_of(cache::ByteReader& reader, const cache::Wish& wish) const;
-  std::optional<cache::Record> take_pilot_record(cache::ByteReader& reader) const;
+  std::optional<cache::Record> take_pilot_record(cache::ByteReader& reader, uint32_t place) const;
 
   /// Of the records that the camera is to see; needs the pilot.
   void choose_generation();

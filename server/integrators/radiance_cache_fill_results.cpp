@@ -41,13 +41,14 @@ bool take_flag(cache::ByteReader& reader) {
 
 void RadianceCacheFill::check(const cache::Component& component, uint8_t generation) const {
   const auto media = static_cast<int32_t>(integrator_.world()->scene().media.size());
-  const CacheTechnique& technique = integrator_.technique();
   const bool on_surface = component.quantity == cache::Quantity::irradiance;
   if (component.medium >= media || component.medium < (on_surface ? scene::none : 0))
     cache::refuse_poisoned("the scene has no medium " + std::to_string(component.medium));
   if (component.scattering_order > generation) cache::refuse_poisoned("a generation is none of this fill's");
-  if (cache::is_unaware(component.quantity) && component.quantity != technique.rest &&
-      component.quantity != technique.direct)
+  if (on_surface || component.quantity == cache::Quantity::ratio) return;
+  const CacheTechnique& technique = integrator_.technique();
+  const transport::MediumInfo& medium = integrator_.world()->medium(component.medium);
+  if (component.quantity != technique.rest(medium) && component.quantity != technique.direct(medium))
     cache::refuse_poisoned("a quantity is none of this integrator's");
 }
 
@@ -68,12 +69,12 @@ cache::Record RadianceCacheFill::take_record_of(cache::ByteReader& reader, const
   return record;
 }
 
-std::optional<cache::Record> RadianceCacheFill::take_pilot_record(cache::ByteReader& reader) const {
+std::optional<cache::Record> RadianceCacheFill::take_pilot_record(cache::ByteReader& reader,
+                                                                  uint32_t place) const {
   if (!take_flag(reader)) return std::nullopt;
   const cache::Record record = cache::take_record(reader);
-  check(record.component, 0);
-  if (record.component.quantity != integrator_.technique().rest)
-    cache::refuse_poisoned("a record of the pilot is of another quantity");
+  if (record.component != integrator_.pilot().component(place))
+    cache::refuse_poisoned("a record of the pilot is of another component");
   return record;
 }
 
@@ -102,7 +103,7 @@ void RadianceCacheFill::accept(uint32_t task, std::string_view result) {
   cache::ByteReader reader(result);
   switch (round_) {
     case Round::pilot: {
-      const std::optional<cache::Record> record = take_pilot_record(reader);
+      const std::optional<cache::Record> record = take_pilot_record(reader, task);
       cache::expect_end(reader);
       integrator_.pilot().set(task, record);
       break;
@@ -167,7 +168,7 @@ void RadianceCacheFill::adopt(std::string_view outcome) {
   switch (round_) {
     case Round::pilot:
       for (uint32_t place = 0; place < integrator_.pilot().count(); ++place)
-        integrator_.pilot().set(place, take_pilot_record(reader));
+        integrator_.pilot().set(place, take_pilot_record(reader, place));
       break;
     case Round::probing:
       granted_ = take_wishes(reader, generation_);

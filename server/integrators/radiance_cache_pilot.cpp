@@ -42,17 +42,21 @@ double mean_curvature(const cache::Record& record) {
 
 }  // namespace
 
-CachePilot::CachePilot(std::shared_ptr<const transport::World> world, cache::Quantity quantity)
-    : world_(std::move(world)), quantity_(quantity) {
-  for (size_t medium = 0; medium < world_->scene().media.size(); ++medium)
-    if (media_.size() < most_media &&
-        RadianceCacheIntegrator::is_cached(world_->medium(static_cast<int32_t>(medium))))
-      media_.push_back(static_cast<int32_t>(medium));
-  if (world_->scene().bounds.radius > 0) records_.resize(media_.size() * places_per_medium);
+CachePilot::CachePilot(std::shared_ptr<const transport::World> world, const CacheTechnique& technique)
+    : world_(std::move(world)) {
+  const auto media = static_cast<int32_t>(world_->scene().media.size());
+  for (int32_t medium = 0; medium < media && components_.size() < most_media; ++medium)
+    if (const std::optional<cache::Quantity> rest = technique.rest(world_->medium(medium)))
+      components_.push_back({medium, 0, 0, *rest});
+  if (world_->scene().bounds.radius > 0) records_.resize(components_.size() * places_per_medium);
+}
+
+const cache::Component& CachePilot::component(uint32_t number) const {
+  return components_[number / places_per_medium];
 }
 
 std::optional<Vec3f> CachePilot::place(uint32_t number) const {
-  const int32_t medium = media_[number / places_per_medium];
+  const int32_t medium = component(number).medium;
   const transport::Extent& extent = world_->medium(medium).extent;
   const scene::BoundingSphere& ball = world_->scene().bounds;
   const Vec3f lower = glm::max(extent.lower, ball.center - ball.radius);
@@ -69,10 +73,9 @@ std::optional<Vec3f> CachePilot::place(uint32_t number) const {
 
 void CachePilot::recall(const cache::RecordSet& set) {
   for (const cache::ComponentRange& range : set.components()) {
-    const cache::Component& component = range.component;
-    const auto medium = std::ranges::find(media_, component.medium);
-    if (medium == media_.end() || component != cache::Component{component.medium, 0, 0, quantity_}) continue;
-    const auto first = static_cast<uint32_t>(medium - media_.begin()) * places_per_medium;
+    const auto known = std::ranges::find(components_, range.component);
+    if (known == components_.end()) continue;
+    const auto first = static_cast<uint32_t>(known - components_.begin()) * places_per_medium;
     std::map<std::array<float, 3>, uint32_t> wanted;
     for (uint32_t number = first; number < first + places_per_medium; ++number)
       if (const std::optional<Vec3f> position = place(number))
@@ -93,8 +96,7 @@ void CachePilot::make(uint32_t number, const cache::RecordMaker& maker, RayCount
   if (records_[number]) return;
   const std::optional<Vec3f> position = place(number);
   if (!position) return;
-  const cache::Component component{media_[number / places_per_medium], 0, 0, quantity_};
-  records_[number] = maker.make({*position, Vec3f(0), component}, counters);
+  records_[number] = maker.make({*position, Vec3f(0), component(number)}, counters);
 }
 
 std::vector<cache::Record> CachePilot::records() const {

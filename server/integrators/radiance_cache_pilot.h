@@ -8,6 +8,7 @@
 
 #include "cache/metric.h"
 #include "cache/record_maker.h"
+#include "integrators/medium_records.h"
 #include "transport/world.h"
 
 namespace fogbank::integrators {
@@ -23,7 +24,7 @@ struct PilotedMetric {
 class CachePilot {
  public:
   /// Of all media of the world that hold records.
-  CachePilot(std::shared_ptr<const transport::World> world, cache::Quantity quantity);
+  CachePilot(std::shared_ptr<const transport::World> world, const CacheTechnique& technique);
 
   /// Places, tasks of `make`.
   uint32_t count() const { return static_cast<uint32_t>(records_.size()); }
@@ -35,6 +36,8 @@ class CachePilot {
   /// In place of `make`, with the record that was made elsewhere.
   void set(uint32_t number, const std::optional<cache::Record>& record) { records_[number] = record; }
   const std::optional<cache::Record>& record(uint32_t number) const { return records_[number]; }
+  /// What the record of a place describes.
+  const cache::Component& component(uint32_t number) const;
   std::vector<cache::Record> records() const;
   /// Metric that bounds the relative error at the border of typical extents by `border_error`. Extents are at
   /// most `maximum_radius`.
@@ -44,8 +47,7 @@ class CachePilot {
   std::optional<Vec3f> place(uint32_t number) const;
 
   std::shared_ptr<const transport::World> world_;
-  cache::Quantity quantity_;
-  std::vector<int32_t> media_;
+  std::vector<cache::Component> components_;  ///< one a medium
   std::vector<std::optional<cache::Record>> records_;
 };
 

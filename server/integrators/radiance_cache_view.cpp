@@ -68,7 +68,8 @@ class ViewSums final : public LookUpObserver {
     for (const cache::Contribution& one : contributions) {
       const cache::Place place = epoch_.records().place(index.range(), one.place);
       const Vec3f offset = look_up.place.position - place.position;
-      const auto claim = static_cast<double>(luminance(index.extrapolated_by(one.place, offset)));
+      const auto claim =
+          static_cast<double>(luminance(index.extrapolated_by(one.place, offset, look_up.scattered)));
       claims.push_back(claim);
       blend += claim * static_cast<double>(one.weight / look_up.found.weight);
       if (contributions.size() == 1)

@@ -9,8 +9,8 @@
 
 namespace fogbank::render {
 
-/// How each light's single scattering would get into the picture, with no record there yet. Throws as
-/// `validate` does.
+/// What media of anisotropic phase functions would get, and how each light's single scattering would get into
+/// the picture, with no record there yet. Throws as `validate` does.
 std::vector<integrators::Decision> picture_plan(const transport::World& world,
                                                 const RenderSettings& settings);
 

@@ -18,6 +18,8 @@ v1::RecordQuantity to_message(cache::Quantity quantity) {
       return v1::RECORD_QUANTITY_UNAWARE_REST;
     case cache::Quantity::unaware_direct:
       return v1::RECORD_QUANTITY_UNAWARE_DIRECT;
+    case cache::Quantity::directional_rest:
+      return v1::RECORD_QUANTITY_DIRECTIONAL_REST;
   }
   return v1::RECORD_QUANTITY_UNSPECIFIED;
 }

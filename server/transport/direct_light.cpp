@@ -12,6 +12,26 @@ float weight_of(const Light& light, EmissionFoundBy found_by, float density, flo
                                                                          : power_heuristic(density, other);
 }
 
+/// Light from the emitters at a point, weighed by a density over directions, `density`, that path sampling
+/// draws them from; one sample.
+template <typename Density>
+Spectrum direct_light_at(const World& world, const Vec3f& position, int32_t medium, EmissionFoundBy found_by,
+                         const Density& density, RandomStream& random, RayCounters& counters) {
+  const LightReceiver receiver{position, Vec3f(0),
+                               medium == scene::none ? 0 : world.medium(medium).mean_sigma_t};
+  float u = random.next_float();
+  const Vec2f u_light = random.next_vec2();
+  const std::optional<LightChoice> choice = world.lights().choose(receiver, u);
+  if (!choice) return Spectrum(0);
+  const Light& light = world.lights().light(choice->light);
+  const std::optional<LightSample> sample = light.sample(position, u_light);
+  if (!sample || is_black(sample->radiance)) return Spectrum(0);
+  const float pdf = choice->probability * sample->pdf;
+  const float share = density(sample->direction);
+  return world.visibility(position, sample->direction, sample->distance, medium, counters) *
+         sample->radiance * (share * weight_of(light, found_by, pdf, share) / pdf);
+}
+
 }  // namespace
 
 float power_heuristic(float density, float other) {
@@ -100,18 +120,20 @@ Spectrum reflected_direct_light(const World& world, const scene::SurfaceInteract
 
 Spectrum mean_direct_light(const World& world, const Vec3f& position, int32_t medium,
                            EmissionFoundBy found_by, RandomStream& random, RayCounters& counters) {
-  const LightReceiver receiver{position, Vec3f(0),
-                               medium == scene::none ? 0 : world.medium(medium).mean_sigma_t};
-  float u = random.next_float();
-  const Vec2f u_light = random.next_vec2();
-  const std::optional<LightChoice> choice = world.lights().choose(receiver, u);
-  if (!choice) return Spectrum(0);
-  const Light& light = world.lights().light(choice->light);
-  const std::optional<LightSample> sample = light.sample(position, u_light);
-  if (!sample || is_black(sample->radiance)) return Spectrum(0);
-  const float pdf = choice->probability * sample->pdf;
-  return world.visibility(position, sample->direction, sample->distance, medium, counters) *
-         sample->radiance * (inv_4pi * weight_of(light, found_by, pdf, inv_4pi) / pdf);
+  return direct_light_at(
+      world, position, medium, found_by, [](const Vec3f&) { return inv_4pi; }, random, counters);
+}
+
+MediumLight scattered_direct_light(const World& world, const Vec3f& position, const Vec3f& ray_direction,
+                                   int32_t medium, EmissionFoundBy found_by, RandomStream& random,
+                                   RayCounters& counters) {
+  const PhaseFunction& phase = world.medium(medium).phase;
+  float density = inv_4pi;
+  const Spectrum scattered = direct_light_at(
+      world, position, medium, found_by,
+      [&](const Vec3f& direction) { return density = phase.evaluate(ray_direction, direction); }, random,
+      counters);
+  return {scattered, scattered * (inv_4pi / density)};
 }
 
 }  // namespace fogbank::transport

@@ -46,4 +46,16 @@ Spectrum reflected_direct_light(const World& world, const scene::SurfaceInteract
 Spectrum mean_direct_light(const World& world, const Vec3f& position, int32_t medium,
                            EmissionFoundBy found_by, RandomStream& random, RayCounters& counters);
 
+/// Light at a point of a medium, seen along a ray: W/(m^2 sr).
+struct MediumLight {
+  Spectrum scattered{0};  ///< against the ray, per unit of sigma_s
+  Spectrum mean{0};       ///< mean radiance: the same where the phase function is isotropic
+};
+
+/// The light that reaches a point of `medium` from the emitters, seen along `ray_direction`: one sample for
+/// both. Path sampling, if any, draws its direction from the phase function.
+MediumLight scattered_direct_light(const World& world, const Vec3f& position, const Vec3f& ray_direction,
+                                   int32_t medium, EmissionFoundBy found_by, RandomStream& random,
+                                   RayCounters& counters);
+
 }  // namespace fogbank::transport

@@ -246,6 +246,35 @@ Spectrum PathTracer::arriving_radiance(const Ray& ray, int32_t medium, int32_t d
   return trace(path, random, counters);
 }
 
+MediumLight PathTracer::light_in_medium(const Vec3f& position, const Vec3f& ray_direction, int32_t medium,
+                                        int32_t depth, RandomStream& random, RayCounters& counters) const {
+  const PhaseFunction& phase = world_->medium(medium).phase;
+  if (phase.is_isotropic()) {
+    const Spectrum mean = mean_radiance(position, medium, depth, random, counters);
+    return {mean, mean};
+  }
+  counters.poll();
+  Path path;
+  path.medium = medium;
+  path.depth = depth;
+  if (!may_scatter(path)) return {};
+  MediumLight light =
+      scattered_direct_light(*world_, position, ray_direction, medium, emission_in_media(), random, counters);
+  // Radiance from a direction that the phase function drew has a weight of 1.
+  const PhaseSample sample = phase.sample(ray_direction, random.next_vec2());
+  ++path.depth;
+  path.sees_emission = known_ == nullptr;
+  path.last = Path::Last::point;
+  path.last_pdf = sample.pdf;
+  path.last_position = position;
+  path.last_receiver = {position, Vec3f(0), world_->medium(medium).mean_sigma_t};
+  path.ray = {position, sample.direction, infinity};
+  const Spectrum arriving = trace(path, random, counters);
+  light.scattered += arriving;
+  light.mean += arriving * (inv_4pi / sample.pdf);
+  return light;
+}
+
 Spectrum PathTracer::mean_radiance(const Vec3f& position, int32_t medium, int32_t depth, RandomStream& random,
                                    RayCounters& counters) const {
   counters.poll();

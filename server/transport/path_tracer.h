@@ -68,6 +68,11 @@ class PathTracer {
   Spectrum arriving_radiance(const Ray& ray, int32_t medium, int32_t depth, RandomStream& random,
                              RayCounters& counters, scene::Hit* first_hit) const;
 
+  /// The light at `position`, which `medium` holds, as a ray of `ray_direction` sees it: one path for both
+  /// numbers. `depth` as above.
+  MediumLight light_in_medium(const Vec3f& position, const Vec3f& ray_direction, int32_t medium,
+                              int32_t depth, RandomStream& random, RayCounters& counters) const;
+
   /// Mean incoming radiance (fluence / 4 pi) at `position` in `medium` (scene::none for vacuum), whatever the
   /// medium's phase function. `depth` as above.
   Spectrum mean_radiance(const Vec3f& position, int32_t medium, int32_t depth, RandomStream& random,

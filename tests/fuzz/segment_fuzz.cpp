@@ -48,8 +48,9 @@ void check_columns(const std::string& bytes) {
   if (bytes.size() < component_bytes) return;
   const auto byte = [&](size_t i) { return static_cast<uint8_t>(bytes[i]); };
   const cache::Component component{static_cast<int8_t>(byte(0)), byte(1), 1,
-                                   static_cast<cache::Quantity>(byte(2) % 5)};
-  const size_t record_bytes = cache::has_particular(component.quantity) ? 170 : 166;  // chunk.h
+                                   static_cast<cache::Quantity>(byte(2) % 6)};
+  const size_t record_bytes = 166 + (cache::has_particular(component.quantity) ? 4 : 0) +
+                              (cache::has_shape(component.quantity) ? 32 : 0);  // chunk.h
   const size_t count = (bytes.size() - component_bytes) / record_bytes;
   if (count == 0 || count > cache::most_chunk_records) return;
   std::string payload(ZSTD_compressBound(bytes.size()), '\0');

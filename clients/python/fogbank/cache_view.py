@@ -16,7 +16,7 @@ from fogbank.errors import FogbankError, UnavailableError
 from fogbank.retry import Backoff
 
 FloatArray = npt.NDArray[np.float32]
-Quantity: TypeAlias = Literal["rest", "irradiance", "ratio", "unaware-rest", "unaware-direct"]
+Quantity: TypeAlias = Literal["rest", "irradiance", "ratio", "unaware-rest", "unaware-direct", "directional-rest"]
 
 _QUANTITIES: dict[int, Quantity] = {
     cache_pb2.RECORD_QUANTITY_REST: "rest",
@@ -24,6 +24,7 @@ _QUANTITIES: dict[int, Quantity] = {
     cache_pb2.RECORD_QUANTITY_RATIO: "ratio",
     cache_pb2.RECORD_QUANTITY_UNAWARE_REST: "unaware-rest",
     cache_pb2.RECORD_QUANTITY_UNAWARE_DIRECT: "unaware-direct",
+    cache_pb2.RECORD_QUANTITY_DIRECTIONAL_REST: "directional-rest",
 }
 
 

@@ -89,6 +89,27 @@ DepthBins depth_bins(const derivatives::SphereSamples& samples) {
   return bins;
 }
 
+/// Adds the mean over lines of sight of what arrives along them, times the harmonics of their directions.
+void add_moments(const derivatives::SphereSamples& samples, const Vec3f& mean, HarmonicMoments& sum) {
+  const derivatives::Sightlines& lines = samples.rays.lines();
+  std::array<Vec3d, HarmonicMoments::colour_count> colour{};
+  std::array<double, HarmonicMoments::grey_count> grey{};
+  for (size_t i = 0; i < samples.light.size(); ++i) {
+    const std::array<float, harmonic_count> harmonics = spherical_harmonics(lines.direction(i));
+    for (size_t k = 0; k < colour.size(); ++k)
+      colour[k] += static_cast<double>(harmonics[k]) * samples.light[i];
+    for (size_t k = 0; k < grey.size(); ++k)
+      grey[k] += static_cast<double>(harmonics[colour.size() + k]) * samples.arriving[i];
+  }
+  const auto unit = [&](float radiance) {
+    const double total = static_cast<double>(radiance) * static_cast<double>(samples.light.size());
+    return total > 0 ? 1 / total : 0;
+  };
+  for (size_t k = 0; k < colour.size(); ++k)
+    for (int c = 0; c < 3; ++c) sum.colour[k][c] += static_cast<float>(colour[k][c] * unit(mean[c]));
+  for (size_t k = 0; k < grey.size(); ++k) sum.grey[k] += static_cast<float>(grey[k] * unit(luminance(mean)));
+}
+
 }  // namespace
 
 RestRecordMaker::RestRecordMaker(std::shared_ptr<const transport::World> world,
@@ -137,6 +158,12 @@ Record RestRecordMaker::make(const Wish& wish, RayCounters& counters) const {
   record.samples = static_cast<uint32_t>(std::max<uint64_t>(counters.total() - rays_before, 1));
   record.variance =
       static_cast<float>(variance_of_mean(on_surfaces.arriving) + variance_of_mean(in_medium.arriving));
+  if (has_shape(wish.component.quantity)) {
+    HarmonicMoments moments;
+    add_moments(on_surfaces, record.radiance, moments);
+    add_moments(in_medium, record.radiance, moments);
+    record.shape = DirectionalShape::from_moments(moments);
+  }
   record.depth = depth_bins(on_surfaces.arriving.empty() ? in_medium : on_surfaces);
   record.id = id_of(wish);
   return record;

@@ -6,8 +6,9 @@
 
 namespace fogbank::cache {
 
-/// Generation 0: the light of medium and surfaces is path traced. Generation k: it is CachedLight of
-/// generation k - 1, so that a record costs no paths where those cover its surroundings.
+/// Quantities `rest` and `directional_rest`. Light of medium and surfaces is path traced. Where a medium
+/// scatters anisotropically, the derivatives of what it sends are those of a medium that sends its mean
+/// radiance: light of another phase function has gradients of about the same size.
 class RestRecordMaker final : public RecordMaker {
  public:
   RestRecordMaker(std::shared_ptr<const transport::World> world, const RecordMakerSettings& settings);

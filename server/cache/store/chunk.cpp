@@ -15,7 +15,8 @@ constexpr int compression_level = 1;
 size_t raw_bytes(Quantity quantity, size_t count) {
   constexpr size_t common =
       sizeof(uint64_t) + 22 * sizeof(float) + sizeof(uint32_t) + sizeof(uint16_t) + DepthBins::count;
-  return count * (common + (has_particular(quantity) ? sizeof(uint32_t) : 0));
+  return count * (common + (has_particular(quantity) ? sizeof(uint32_t) : 0) +
+                  (has_shape(quantity) ? sizeof(DirectionalShape) : 0));
 }
 
 /// Columns in bytes planes, written or read from the front.
@@ -82,6 +83,11 @@ std::string pack_chunk(const RecordSet& set, size_t first, size_t count) {
   columns.write<uint16_t>([&](size_t i) { return pack_margin(records[i].visibility_margin); });
   for (size_t bin = 0; bin < DepthBins::count; ++bin)
     columns.write<uint8_t>([&](size_t i) { return records[i].depth.codes[bin]; });
+  if (has_shape(quantity)) {
+    columns.write<int8_t>([&](size_t i) { return records[i].shape.exponent; });
+    for (size_t number = 0; number < DirectionalShape::count; ++number)
+      columns.write<int8_t>([&](size_t i) { return records[i].shape.numbers[number]; });
+  }
 
   std::string payload(ZSTD_compressBound(raw.size()), '\0');
   const size_t size =
@@ -110,6 +116,11 @@ bool unpack_chunk(std::string_view payload, const Component& component, std::spa
       [&](size_t i, uint16_t margin) { records[i].visibility_margin = unpack_margin(margin); });
   for (size_t bin = 0; bin < DepthBins::count; ++bin)
     columns.read<uint8_t>([&](size_t i, uint8_t code) { records[i].depth.codes[bin] = code; });
+  if (has_shape(component.quantity)) {
+    columns.read<int8_t>([&](size_t i, int8_t exponent) { records[i].shape.exponent = exponent; });
+    for (size_t number = 0; number < DirectionalShape::count; ++number)
+      columns.read<int8_t>([&](size_t i, int8_t value) { records[i].shape.numbers[number] = value; });
+  }
   return true;
 }
 

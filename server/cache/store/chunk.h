@@ -2,7 +2,8 @@
 //
 //   id (uint64); position x, y, z; radiance r, g, b; gradient of r by x, y, z, of g, of b; Hessian xx, xy,
 //   xz, yy, yz, zz; variance (float32 each); samples (uint32); what is particular to the quantity, if there
-//   is (uint32, record.h); visibility margin (uint16, record.h); the 64 depth bins (uint8 each)
+//   is (uint32, record.h); visibility margin (uint16, record.h); the 64 depth bins (uint8 each); where
+//   has_shape(), the shape's exponent and its 31 numbers (int8 each, directional_shape.h)
 //
 // n values one after the other of each, first their lowest bytes, then the next: signs and exponents of
 // neighbours along the set's curve are alike, and find each other.

@@ -61,6 +61,9 @@ std::string to_hexadecimal(std::string_view raw) {
   return text;
 }
 
+/// The oldest version that has the quantity.
+uint32_t version_of(Quantity quantity) { return has_shape(quantity) ? 2 : 1; }
+
 uint64_t checksum(std::string_view bytes) { return XXH3_64bits(bytes.data(), bytes.size()); }
 
 bool darker(const std::vector<Spectrum>& a, const std::vector<Spectrum>& b) {
@@ -112,8 +115,8 @@ Header read_header(std::string_view bytes, uint64_t size, const std::string& fil
     chunk.records = reader.take<uint32_t>();
     chunk.bytes = reader.take<uint32_t>();
     chunk.checksum = reader.take<uint64_t>();
-    if (chunk.component.quantity > Quantity::unaware_direct || chunk.emission >= emissions ||
-        chunk.records == 0 || chunk.records > most_chunk_records)
+    if (chunk.component.quantity > last_quantity || version_of(chunk.component.quantity) > version ||
+        chunk.emission >= emissions || chunk.records == 0 || chunk.records > most_chunk_records)
       damaged(file, "bad table of chunks");
     records += chunk.records;
     total += chunk.bytes;
@@ -195,7 +198,9 @@ SealedSegment seal_segment(const std::string& transport, const std::vector<Segme
   std::string& bytes = sealed.bytes;
   bytes.reserve(header_bytes + total);
   bytes += magic;
-  append_bytes(bytes, segment_version);
+  uint32_t version = 1;
+  for (const ChunkEntry& chunk : chunks) version = std::max(version, version_of(chunk.component.quantity));
+  append_bytes(bytes, version);
   append_bytes(bytes, static_cast<uint32_t>(header_bytes));
   bytes += to_raw(transport);
   append_bytes(bytes, sealed.records);

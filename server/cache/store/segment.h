@@ -3,7 +3,8 @@
 //
 // Little-endian, without padding:
 //
-//   header   "FOGCACHE"; uint32 version; uint32 bytes of the header, all of it; 32 bytes transport
+//   header   "FOGCACHE"; uint32 version (2 where a component has_shape(), else 1); uint32 bytes of the
+//   header, all of it; 32 bytes transport
 //            fingerprint; uint64 records; uint32 emissions; uint32 chunks;
 //            for each emission: uint32 emitters, and 3 float32 each (linear sRGB);
 //            for each chunk: int32 medium, uint16 light group, uint8 scattering order, uint8 quantity, uint32
@@ -22,7 +23,8 @@
 
 namespace fogbank::cache {
 
-inline constexpr uint32_t segment_version = 1;
+/// The newest that is read and written.
+inline constexpr uint32_t segment_version = 2;
 
 /// Records made under one emission (scene::FieldIdentity::emission); no emission where records don't depend
 /// on it.

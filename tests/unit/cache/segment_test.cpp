@@ -125,8 +125,18 @@ TEST(Segment, EveryLengthIsFound) {
 
 TEST(Segment, LaterVersionIsNamed) {
   std::string bytes = seal_segment(transport, {}).bytes;
-  bytes[8] = 2;
+  bytes[8] = static_cast<char>(segment_version + 1);
   EXPECT_EQ(reason_of(resealed(bytes)), "SEGMENT_TOO_NEW");
+}
+
+TEST(Segment, VersionIsTheOldestThatHasItsQuantities) {
+  Record record;
+  EXPECT_EQ(seal_segment(transport, {{{}, RecordSet({record})}}).bytes[8], 1);
+  record.component.quantity = Quantity::directional_rest;
+  std::string bytes = seal_segment(transport, {{{}, RecordSet({record})}}).bytes;
+  EXPECT_EQ(bytes[8], 2);
+  bytes[8] = 1;
+  EXPECT_EQ(reason_of(resealed(bytes)), "SEGMENT_DAMAGED");
 }
 
 TEST(Segment, LiesWithRightChecksumsAreHarmless) {

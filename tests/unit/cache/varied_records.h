@@ -15,12 +15,18 @@ inline std::vector<Record> varied_records(size_t count, uint64_t seed) {
   for (size_t i = 0; i < count; ++i) {
     Record& record = records[i];
     if (i % 4 == 3) record.position = records[i - 1].position;
-    constexpr Quantity quantities[] = {Quantity::rest, Quantity::irradiance, Quantity::ratio};
+    constexpr Quantity quantities[] = {Quantity::rest, Quantity::irradiance, Quantity::ratio,
+                                       Quantity::directional_rest};
     record.component = {static_cast<int32_t>(i / 4 % 2), static_cast<uint16_t>(i / 8 % 3), 1,
-                        quantities[i / 12 % 3]};
+                        quantities[i / 12 % 4]};
     if (record.component.quantity == Quantity::irradiance)
       record.normal = square_to_uniform_sphere(random.next_vec2());
     if (record.component.quantity == Quantity::ratio) record.proxy = random.next_float();
+    if (has_shape(record.component.quantity)) {
+      HarmonicMoments moments;
+      for (Vec3f& colour : moments.colour) colour = Vec3f(random.next_float());
+      record.shape = DirectionalShape::from_moments(moments);
+    }
     record.radiance = {random.next_float(), random.next_float(), random.next_float()};
     for (Vec3f& gradient : record.gradient)
       gradient = {random.next_float(), random.next_float(), random.next_float()};

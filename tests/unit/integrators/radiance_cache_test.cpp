@@ -149,8 +149,8 @@ Outcome outcome(const Integrator& integrator, const cache::SceneCache& records, 
   return result;
 }
 
-TEST(RadianceCache, SameRecordsAndBitsForAnyThreads) {
-  const auto world = transport::test::parse_world(fog("0.5", "0.8") + room(diffuse_plate));
+void expect_same_for_any_threads(const std::string& phase) {
+  const auto world = transport::test::parse_world(fog("0.5", "0.8", phase) + room(diffuse_plate));
   const TestCamera camera(world->scene().sensor, 12, 8);
   std::optional<Outcome> first;
   for (const int threads : {1, 2, 7}) {
@@ -164,6 +164,59 @@ TEST(RadianceCache, SameRecordsAndBitsForAnyThreads) {
     if (!first) first = found;
     EXPECT_EQ(found, *first) << threads;
   }
+}
+
+TEST(RadianceCache, SameRecordsAndBitsForAnyThreads) { expect_same_for_any_threads("isotropic"); }
+TEST(RadianceCache, SameRecordsAndBitsInAnisotropicFog) { expect_same_for_any_threads("hg"); }
+
+/// A ball of fog of albedo 1 in a sky of radiance 1, seen from within: 1 everywhere.
+TEST(RadianceCache, FurnaceOfAnisotropicFog) {
+  for (const char* g : {"0.3", "-0.6"}) {
+    const auto world = transport::test::parse_world(
+        R"(<medium type="homogeneous" id="fog"><rgb name="sigma_t" value="1"/><rgb name="albedo" value="1"/>
+      <phase type="hg"><float name="g" value=")" +
+        std::string(g) + R"("/></phase></medium>
+      <sensor type="perspective"><float name="fov" value="90"/>
+        <transform name="to_world"><lookat origin="0, -0.7, 0.2" target="0, 0, 0" up="0, 0, 1"/></transform>
+        <ref name="medium" id="fog"/></sensor>
+      <shape type="sphere"><bsdf type="null"/><ref name="interior" id="fog"/></shape>
+      <emitter type="constant"><rgb name="radiance" value="1"/></emitter>)");
+    const TestCamera camera(world->scene().sensor, 8, 8);
+    IntegratorSettings settings;
+    settings.cache = std::make_shared<cache::SceneCache>();
+    const auto integrator = make("radiance-cache", world, settings);
+    prepare(*integrator, camera, {.error = 0.2, .preview = true}, 2);
+    ASSERT_FALSE(settings.cache->records()->components().empty());
+    EXPECT_EQ(settings.cache->records()->components()[0].component.quantity,
+              cache::Quantity::directional_rest);
+    const Picture picture = take(*integrator, camera, 256, 2);
+    const Level found = level(picture);
+    // Records of 64 directions have 5 % of noise each, of which many enter the mean.
+    EXPECT_NEAR(found.mean, 1, 0.02 + 4 * std::sqrt(found.variance)) << g;
+    for (size_t i = 0; i < picture.mean.size(); ++i)
+      EXPECT_NEAR(luminance(picture.mean[i]), 1, 0.1 + 4 * std::sqrt(picture.variance[i])) << g << ' ' << i;
+  }
+}
+
+TEST(RadianceCache, SaysWhatAnisotropicFogGets) {
+  const auto decision = [](const std::string& name, const std::string& g) {
+    const auto world = transport::test::parse_world(
+        R"(<medium type="homogeneous" id="fog"><phase type="hg"><float name="g" value=")" + g +
+        R"("/></phase></medium>)" + sensor);
+    return make(name, world)->decisions().at(0);
+  };
+  const Decision cached = decision("radiance-cache", "-0.6");
+  EXPECT_EQ(cached.what, "records in medium \"fog\"");
+  EXPECT_TRUE(cached.on);
+  EXPECT_EQ(
+      cached.reason,
+      "its phase function has a mean cosine of -0.60: they hold how light is spread over directions, up to "
+      "degree 3");
+  const Decision narrow = decision("radiance-cache", "0.85");
+  EXPECT_FALSE(narrow.on);
+  EXPECT_EQ(narrow.reason,
+            "its phase function has a mean cosine of 0.85, too narrow for what records hold (at most 0.60)");
+  EXPECT_FALSE(decision("radiance-cache-unaware", "0.3").on);
 }
 
 TEST(RadianceCache, SecondCameraReusesWhatTheFirstOneLeftInOneProcessOrAcrossARestart) {

@@ -15,9 +15,12 @@ namespace {
 
 using test::TestCamera;
 
-std::shared_ptr<const transport::World> foggy_room(const std::string& sigma_t, const std::string& albedo) {
+std::shared_ptr<const transport::World> foggy_room(const std::string& sigma_t, const std::string& albedo,
+                                                   const std::string& g = "0") {
   return transport::test::parse_world(R"(<medium type="homogeneous" id="fog"><rgb name="sigma_t" value=")" +
-                                      sigma_t + R"("/><rgb name="albedo" value=")" + albedo + R"("/></medium>
+                                      sigma_t + R"("/><rgb name="albedo" value=")" + albedo +
+                                      R"("/><phase type="hg"><float name="g" value=")" + g +
+                                      R"("/></phase></medium>
   <sensor type="perspective">
     <float name="fov" value="60"/>
     <transform name="to_world"><lookat origin="0, -1.8, 0" target="0, 0, 0" up="0, 0, 1"/></transform>
@@ -140,6 +143,10 @@ TEST(SharedPreparation, OfARoomWithRatios) {
 // Records that read records, and their sources.
 TEST(SharedPreparation, OfDenseFog) {
   expect_processes_agree("radiance-cache", foggy_room("6, 6, 6", "0.98"));
+}
+
+TEST(SharedPreparation, OfAnisotropicFog) {
+  expect_processes_agree("radiance-cache", foggy_room("0.5, 0.6, 0.7", "0.8", "0.4"));
 }
 
 TEST(SharedPreparation, OfTheRival) {

@@ -54,7 +54,7 @@ STATUES = (
     ),
 )
 STAIRCASE = (
-    # Records are kept of isotropic fog.
+    # The rival has records of isotropic fog only.
     TalkScene("stairs", SCENES / "stairs" / "stairs.xml", (128, 128), "a stairwell", {"g": "0"}),
     TalkScene("staircase2", SHARED / "data" / "staircase2" / "fog.xml", (192, 108), "a hall with floating steps"),
 )

@@ -74,7 +74,7 @@ def tables(name: str, by_time: Comparison, by_records: Comparison, overheads: Se
     lines += ["", "Equal records: relative MSE", ""]
     lines += _pivot(by_records.summary, "records")
     if _same(by_records.summary):
-        lines += ["", "Both caches are the same here: their fog has no records. Only isotropic fog has."]
+        lines += ["", "Both caches are the same here: their fog has no records."]
     lines += ["", "| figure | ours | the authors' |", "| --- | ---: | ---: |"]
     lines += [f"| cost of {item.what} | {item.share:+.0%} | {REPORTED_OVERHEAD:+.0%} |" for item in overheads]
     lines += _ellipsoids(by_records.summary)
