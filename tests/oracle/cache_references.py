@@ -61,7 +61,12 @@ class CacheCase:
 
 
 # The error of a half is at most about the error asked for, so that 1024 pixels tell errors apart that differ by 5 %.
-STILLS = [CacheCase("penumbra", "penumbra", 1024), CacheCase("shafts", "shafts", 2048), CacheCase("glow", "glow", 2048)]
+STILLS = [
+    CacheCase("penumbra", "penumbra", 1024),
+    CacheCase("shafts", "shafts", 2048),
+    CacheCase("glow", "glow", 2048),
+    CacheCase("stairs", "stairs", 4096),
+]
 
 
 def _beside(shift: float) -> dict[str, Any]:

@@ -170,7 +170,7 @@ TEST_F(StoredCacheTest, NewerSegmentsAreLeftAlone) {
   fill();
   const fs::path file = segment(2);
   std::string bytes = text(file);
-  bytes[8] = 2;
+  bytes[8] = static_cast<char>(segment_version + 1);
   write(file, bytes);
   for (int round = 0; round < 2; ++round) {
     const LoadedRecords loaded = load();
