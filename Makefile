@@ -32,7 +32,9 @@ test: build ## build, then every test: C++ units, fuzz targets, Python (clients,
 	@PRESET=$(PRESET) JOBS=$(JOBS) tests/run.sh
 
 test-faults: build ## fault tests at full length: a table of test, figure, bound, verdict
-	@FOGBANK_FAULTS=full $(python) -m pytest tests/faults
+	@cmake --preset fuzz >/dev/null
+	@cmake --build --preset fuzz --parallel $(JOBS)
+	@$(python) tests/faults/run.py
 
 test-farm: build ## the farm's tests at full length: lost workers, restarts, slow links; a table of figures
 	@$(python) -m pytest tests/farm -m "not soak"

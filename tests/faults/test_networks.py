@@ -238,7 +238,8 @@ def test_oversized_messages(server: Server, record: Record, size: int) -> None:
     most = before = resident(server)
     options = (("grpc.max_send_message_length", -1), ("grpc.use_local_subchannel_pool", 1))
     with grpc.insecure_channel(server.target, options=options) as channel:
-        call = channel.unary_unary(CREATE_JOB).future(bytes(size * MIB))
+        method: grpc.UnaryUnaryMultiCallable[bytes, bytes] = channel.unary_unary(CREATE_JOB)
+        call = method.future(bytes(size * MIB))
         while not call.done():
             most = max(most, resident(server))
             time.sleep(0.005)
