@@ -59,19 +59,13 @@ def object_of(command: str) -> str:
 
 
 def compile_arguments(command: str) -> tuple[str, ...]:
-    """What of the command says how the source is read: not the compiler, its output, or precompiled headers, which are
-    another compiler's (and without them a source that lacks an #include is found)."""
+    """What of the command says how the source is read: not the compiler, the source itself and the output."""
     words = shlex.split(command)
-    result: list[str] = []
-    skip = 0
-    for at, word in enumerate(words):
-        if skip > 0:
-            skip -= 1
-        elif word in ("-o", "-c") or (word == "-include" and "cmake_pch" in words[at + 1]):
-            skip = 1
-        elif word.startswith("-") or words[at - 1] in ("-isystem", "-include"):
-            result.append(word)
-    return tuple(result)
+    return tuple(
+        word
+        for at, word in enumerate(words)
+        if (word.startswith("-") and word not in ("-o", "-c")) or words[at - 1] == "-isystem"
+    )
 
 
 def sources(build: Path) -> list[Source]:
@@ -98,13 +92,7 @@ def sources(build: Path) -> list[Source]:
 def tidy(source: Source, build: Path, clean: Path) -> str | None:
     """Findings as text, or None; a clean source leaves its mark."""
     # The arguments rather than the database, of which clang-tidy takes every entry of a source.
-    compiling = [
-        *source.arguments,
-        "-Wno-unknown-warning-option",
-        "-Wno-deprecated-declarations",
-        "-Wreserved-identifier",
-        "-Wreserved-macro-identifier",
-    ]
+    compiling = [*source.arguments, "-Wno-unknown-warning-option", "-Wno-deprecated-declarations"]
     command = [str(CLANG_TIDY), "--quiet", str(source.path), "--", *compiling]
     run = subprocess.run(command, capture_output=True, text=True, cwd=build)
     if run.returncode == 0 and not run.stdout.strip():
