@@ -165,6 +165,26 @@ def test_a_sweep_fills_first_and_renders_at_that_epoch(
     assert printed[-1]["skipped"] == 4
 
 
+def test_a_sweep_can_fill_ahead(
+    events: Events, scene_path: Path, path_file: Path, tmp_path: Path, fake: FakeServer
+) -> None:
+    pattern = tmp_path / "%d.exr"
+    arguments = ("sweep", scene_path, "--cameras", path_file, "--frames", 3, "-o", pattern, "--integrator", CACHED)
+    _, printed = events(*arguments, "--fill", "ahead", "--in-flight", 2)
+    fills = fake.caches.fill_requests
+    assert [len(fill.cameras) for fill in fills] == [1, 1, 1]
+    assert [request.settings.camera for request in fake.create_job_requests] == [fill.cameras[0] for fill in fills]
+    assert all(request.settings.HasField("epoch") for request in fake.create_job_requests)
+    kinds = [event["event"] for event in printed if event["event"] in ("job", "frame") or event.get("done")]
+    assert kinds == ["fill", "job", "fill", "job", "frame", "fill", "job", "frame", "frame"]
+
+    # The last frame reads what it would have read without an interruption.
+    (tmp_path / "2.exr").unlink()
+    events(*arguments, "--fill", "ahead", "--resume")
+    assert len(fills) == 6
+    assert len(fake.create_job_requests) == 4
+
+
 def test_a_sweep_without_a_cache_only_renders(
     events: Events, scene_path: Path, tmp_path: Path, fake: FakeServer
 ) -> None:
