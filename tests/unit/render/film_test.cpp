@@ -203,11 +203,13 @@ TEST(RelativeBlur, FollowsItsFormula) {
   };
   EXPECT_NEAR(blur(1.1f, 1.05f, 0), 2.12 * 0.05 / (1.1 * 1.1), 1e-6);
   EXPECT_NEAR(blur(1.05f, 1.1f, 0), 2.12 * 0.05 / (1.1 * 1.05), 1e-6) << "in either direction";
-  // 2.12 times a difference of two means of 16 samples of variance 1 / 12 has the standard deviation s =
-  // 0.216. The square of a normal variable less an estimate of its variance with one degree of freedom has
-  // the standard deviation 2 s^2 = 0.094; of the mean of 65536 of them, 4.42 standard errors are 1.6e-3, a
-  // seventh of 0.106^2: 7.5 % of the root.
-  EXPECT_NEAR(blur(1.1f, 1.05f, 1), 2.12 * 0.05 / (1.1 * 1.1), 0.075 * 0.0876);
+  // 2.12 times a difference of two means of 16 samples of variance 0.09 / 12 has the standard deviation s =
+  // 0.065. The square of a normal variable less an estimate of its variance with one degree of freedom has
+  // the standard deviation 2 s^2 = 0.0085; of the mean of 65536 of them, 4.42 standard errors are 1.3 % of
+  // 0.106^2. A pixel that is too bright by chance has a greater difference, but counts for less: the
+  // covariance takes 4 D v / L, v the variance of the pixel, from a square of D^2: 3 %. Half of both of the
+  // root.
+  EXPECT_NEAR(blur(1.1f, 1.05f, 0.3f), 2.12 * 0.05 / (1.1 * 1.1), 0.022 * 0.0876);
   EXPECT_EQ(blur(0, 0, 0), 0);
 }
 
