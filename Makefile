@@ -47,7 +47,7 @@ fuzz: setup ## fuzz targets for FUZZ_SECONDS (600) each: scenes, meshes, headers
 test-deploy: build ## deploy/ in earnest: the Dockerfile's steps in a Debian of their own, a job in Slurm; minutes, as root
 	@$(python) -m pytest tests/deploy -m deployment --capture=no
 
-test-accuracy: build ## pictures by the radiance cache with an error of 0.02, and of the shared rooms; many minutes
+test-accuracy: build ## pictures by the radiance cache with an error of 0.02, shared rooms, photon beams in all scenes; many minutes
 	@$(python) -m pytest tests/oracle -m accuracy --capture=no
 
 install: build ## link the fogbank command into PREFIX/bin (default /usr/local)
