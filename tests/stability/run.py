@@ -13,7 +13,7 @@ from tests.bench.engines import ROOT
 from tests.stability import report
 from tests.stability.cases import FAMILIES
 from tests.stability.measure import measure
-from tests.stability.pictures import CASES, run_case, table
+from tests.stability.pictures import CASES, plot, run_case, table
 from tests.stability.scenes import SCENE_FAMILIES, is_as_allowed, measure_scenes
 
 
@@ -43,6 +43,7 @@ def main() -> int:
     for case in CASES:
         picture_rows.append(run_case(case))
         (folder / "pictures.md").write_text(table(picture_rows), encoding="utf-8")
+    plot(folder / "pictures.png", picture_rows)
     wrong = [row for row in picture_rows if row.verdict]
     for picture in wrong:
         print(f"picture of {picture.name}: {picture.verdict}", file=sys.stderr)

@@ -80,6 +80,7 @@ class Bench {
     settings.samples_per_pixel = command.at("samples_per_pixel");
     settings.integrator_settings.max_depth = command.at("max_depth");
     settings.integrator_settings.rr_depth = world_->scene().defaults.rr_depth;
+    settings.integrator_settings.hide_emitters = world_->scene().defaults.hide_emitters;
     settings.seed = command.at("seed");
     settings.integrator = command.value("integrator", settings.integrator);
     settings.error = command.value("error", settings.error);
