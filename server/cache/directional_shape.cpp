@@ -28,10 +28,9 @@ DirectionalShape DirectionalShape::from_moments(const HarmonicMoments& moments) 
   for (const float value : values) greatest = std::max(greatest, std::fabs(value));
   DirectionalShape shape;
   // The least power of 2 that makes the greatest fit.
-  int exponent = greatest_exponent;
-  while (exponent > least_exponent && greatest <= greatest_number * std::ldexp(1.0f, exponent - 1))
-    --exponent;
-  shape.exponent = static_cast<int8_t>(exponent);
+  shape.exponent = greatest_exponent;
+  while (shape.exponent > least_exponent && greatest <= greatest_number * scale_of(shape.exponent) / 2)
+    --shape.exponent;
   bool even = true;
   for (size_t i = 0; i < count; ++i) {
     shape.numbers[i] = static_cast<int8_t>(std::nearbyint(values[i] / scale_of(shape.exponent)));

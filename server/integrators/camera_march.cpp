@@ -65,10 +65,16 @@ MarchSample sample_distance(const transport::MediumSegment& segment, float first
   return {t, medium.sigma_s * transport::transmittance(medium.sigma_t, t) / pdf};
 }
 
+std::optional<cache::ScatteredDirection> scattered_direction(const transport::MediumSegment& segment) {
+  const transport::PhaseFunction& phase = segment.medium->phase;
+  if (phase.is_isotropic()) return std::nullopt;
+  return cache::ScatteredDirection(phase, segment.direction);
+}
+
 CameraMarch::CameraMarch(const transport::MediumSegment& segment, float first, float last,
                          const cache::Index* index, const cache::VisibilityTest& visibility,
                          float widest_step)
-    : segment_(segment), scattered_(segment.medium->phase, segment.direction), first_(first), last_(last) {
+    : segment_(segment), scattered_(scattered_direction(segment)), first_(first), last_(last) {
   const transport::MediumInfo& medium = *segment.medium;
   const float hidden = most_optical_distance / least_sigma(medium);
   if (!(first < last) || !(first < hidden)) return;
@@ -124,10 +130,10 @@ void CameraMarch::place_nodes(const cache::Index* index, const cache::Visibility
         break;
       }
     }
-    if (index != nullptr) index->look_up(std::span(points).first(size), found, &scattered_);
+    if (index != nullptr) index->look_up(std::span(points).first(size), found, scattered());
     float next = step;
     for (size_t i = 0; i < size; ++i) {
-      if (index != nullptr) index->recover_visible(points[i], Vec3f(0), visibility, found[i], &scattered_);
+      if (index != nullptr) index->recover_visible(points[i], Vec3f(0), visibility, found[i], scattered());
       MarchNode& node = nodes_[count_++];
       node = {distances[i], found[i], Spectrum(0)};
       next = wanted_step(node);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <span>
 
 #include "cache/index.h"
@@ -31,6 +32,9 @@ struct MarchSample {
 MarchSample sample_distance(const transport::MediumSegment& segment, float first, float last,
                             RandomStream& random);
 
+/// What becomes of records with a shape along the segment; nothing where the phase function is isotropic.
+std::optional<cache::ScatteredDirection> scattered_direction(const transport::MediumSegment& segment);
+
 /// Nodes are a function of segment and index only. Lives on the stack: 14 KiB.
 class CameraMarch {
  public:
@@ -41,8 +45,8 @@ class CameraMarch {
   CameraMarch(const transport::MediumSegment& segment, float first, float last, const cache::Index* index,
               const cache::VisibilityTest& visibility, float widest_step);
 
-  /// What becomes of records with a shape.
-  const cache::ScatteredDirection& scattered() const { return scattered_; }
+  /// What becomes of records with a shape; null where the phase function is isotropic.
+  const cache::ScatteredDirection* scattered() const { return scattered_ ? &*scattered_ : nullptr; }
   std::span<const MarchNode> nodes() const { return std::span(nodes_).first(count_); }
   /// Somewhere under the hat function of node `number`, with an expected weight of the node's: for estimates
   /// that are to be unbiased however wide the steps are.
@@ -55,7 +59,7 @@ class CameraMarch {
   Spectrum transmittance_at(float t) const;
 
   const transport::MediumSegment& segment_;
-  cache::ScatteredDirection scattered_;
+  std::optional<cache::ScatteredDirection> scattered_;
   std::array<MarchNode, most_nodes> nodes_;
   size_t count_ = 0;
   float first_ = 0;

@@ -256,10 +256,11 @@ PixelSample RadianceCacheIntegrator::from_random_place(const Walk& walk, const M
   const cache::Index* index = find(medium_component(walk, quantity));
   cache::Interpolation found;
   if (index != nullptr) {
-    const cache::ScatteredDirection scattered(segment.medium->phase, segment.direction);
-    found = index->look_up(position, &scattered);
+    const std::optional<cache::ScatteredDirection> direction = scattered_direction(segment);
+    const cache::ScatteredDirection* scattered = direction ? &*direction : nullptr;
+    found = index->look_up(position, scattered);
     index->recover_visible(position, Vec3f(0), cache::RayVisibility(world_->scene(), counters), found,
-                           &scattered);
+                           scattered);
   }
   if (found.weight > 0) return {.cached = place.weight * found.radiance};
   return {.cached = place.weight *
@@ -313,7 +314,7 @@ void RadianceCacheIntegrator::report(const Walk& walk, const MediumSegment& segm
                             nodes[i].t,
                             segment.length - nodes[i].t,
                             reach[i],
-                            &march.scattered(),
+                            march.scattered(),
                             &visibility});
 }
 
