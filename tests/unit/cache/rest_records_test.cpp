@@ -35,6 +35,19 @@ float direct_light(const Vec3f& x, const Vec3f& direction) {
   return std::exp(-(std::sqrt(along * along + 1 - glm::dot(x, x)) - along));
 }
 
+/// Mean over the sphere, by stratified directions.
+template <typename Function>
+double mean_over_sphere(const Function& function) {
+  constexpr int side = 128;
+  double sum = 0;
+  for (int row = 0; row < side; ++row)
+    for (int column = 0; column < side; ++column) {
+      const Vec2f u(static_cast<float>(column) + 0.5f, static_cast<float>(row) + 0.5f);
+      sum += static_cast<double>(function(square_to_uniform_sphere(u / static_cast<float>(side))));
+    }
+  return sum / (side * side);
+}
+
 /// A closed room with a coloured floor, a lamp and a block.
 std::shared_ptr<const transport::World> room(const std::string& g) {
   return parse_world(fog("0.5, 0.6, 0.8", "0.9", g) + R"(
@@ -83,14 +96,7 @@ Mean mean_of(size_t count, const Sample& sample) {
 TEST(DirectionalRecords, MomentsOfAFurnaceAreThoseOfTheClosedForm) {
   const Vec3f x(0.3f, -0.2f, 0.4f);
   const auto expected = [&](const auto& weight) {
-    constexpr int side = 128;
-    double sum = 0;
-    for (int i = 0; i < side * side; ++i) {
-      const Vec2f u(static_cast<float>(i % side) + 0.5f, static_cast<float>(i / side) + 0.5f);
-      const Vec3f w = square_to_uniform_sphere(u / static_cast<float>(side));
-      sum += static_cast<double>(weight(w) * (1 - direct_light(x, w)));
-    }
-    return sum / (side * side);
+    return mean_over_sphere([&](const Vec3f& w) { return weight(w) * (1 - direct_light(x, w)); });
   };
   for (const char* g : {"-0.4", "0.3", "0.6"}) {
     const std::vector<Record> records = records_at(furnace(g), x, 64, 48);
@@ -114,13 +120,7 @@ TEST(DirectionalRecords, GradientsAreThoseOfIsotropicFogAlmost) {
   const Vec3f x(0.3f, -0.2f, 0.4f);
   const Vec3f outwards = glm::normalize(x);
   const auto at = [&](const Vec3f& y) {
-    constexpr int side = 64;
-    double sum = 0;
-    for (int i = 0; i < side * side; ++i) {
-      const Vec2f u(static_cast<float>(i % side) + 0.5f, static_cast<float>(i / side) + 0.5f);
-      sum -= static_cast<double>(direct_light(y, square_to_uniform_sphere(u / static_cast<float>(side))));
-    }
-    return sum / (side * side);
+    return mean_over_sphere([&](const Vec3f& w) { return -direct_light(y, w); });
   };
   const double slope = (at(x + 0.01f * outwards) - at(x - 0.01f * outwards)) / 0.02;
   for (const char* g : {"0", "-0.4", "0.3", "0.6"}) {
