@@ -13,7 +13,7 @@ namespace {
 constexpr double error_per_bound = 0.3;
 /// Neighbours err alike to some degree, so they disagree less than they err. Chosen, not fitted: estimates of
 /// pictures with known errors are still below those (tests/oracle/test_radiance_cache.py).
-constexpr double error_per_disagreement = 1.5;
+constexpr double error_per_disagreement = 2.0;
 
 class ViewSums final : public LookUpObserver {
  public:

@@ -94,7 +94,8 @@ def test_every_render_option_reaches_the_server(
     reference = tmp_path / "reference.exr"
     reference.write_bytes(b"pixels")
     arguments += (
-        f" --error 0.02 --records 100 --single-scattering cached --spheres --minimum-radius 0.2 --aov radius,bias --epoch 3"
+        " --error 0.02 --records 100 --single-scattering cached --spheres --minimum-radius 0.2"
+        " --aov radius,bias --epoch 3"
         f" --reference {reference}"
     )
     status, _ = events("render", scene_path, "-o", tmp_path / "out.exr", *arguments.split())
