@@ -11,8 +11,8 @@ namespace {
 
 /// Share of the metric's bound that is the error: bounds are for the worst direction at every look-up.
 constexpr double error_per_bound = 0.3;
-/// Neighbours err alike to some degree, so they disagree less than they err. Chosen, not fitted: estimates of
-/// pictures with known errors are still below those (tests/oracle/test_radiance_cache.py).
+/// Neighbours err alike to some degree, so they disagree less than they err. Chosen: with it, estimates of
+/// five pictures with known errors are 0.78 to 1.16 of those (tests/oracle/test_radiance_cache.py).
 constexpr double error_per_disagreement = 2.0;
 
 class ViewSums final : public LookUpObserver {
