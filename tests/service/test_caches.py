@@ -323,7 +323,11 @@ def bad(**fields: object) -> render.RenderSettings:
         (bad(integrator="volpath", records=5), "records", 'the integrator "volpath" has no cache'),
         (bad(integrator="volpath", spheres=True), "spheres", 'the integrator "volpath" has no cache'),
         (bad(integrator="volpath", minimum_radius=0.1), "minimum_radius", 'the integrator "volpath" has no cache'),
-        (bad(integrator="radiance-cache", minimum_radius=-0.5), "minimum_radius", "-0.500000 is negative or not finite"),
+        (
+            bad(integrator="radiance-cache", minimum_radius=-0.5),
+            "minimum_radius",
+            "-0.500000 is negative or not finite",
+        ),
         (bad(integrator="volpath", epoch=1), "epoch", 'the integrator "volpath" has no cache'),
         (bad(integrator="volpath", aovs=[render.AOV_BIAS]), "aovs", 'the integrator "volpath" has no cache'),
         (
