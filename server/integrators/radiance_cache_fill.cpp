@@ -32,7 +32,10 @@ constexpr int32_t least_depth_of_photons = 8;
 constexpr uint32_t most_level = 6;
 /// Rounds of further records in a stage.
 constexpr int32_t most_refinements = 3;
-constexpr int32_t surveying_stride = 8;
+/// Pixels between rays that are looked at for noise: at most so many, and less in films that would have fewer
+/// than `least_surveyed_side` of them a side, where a record may be a few pixels wide.
+constexpr int32_t greatest_surveying_stride = 8;
+constexpr int32_t least_surveyed_side = 32;
 /// Share of a stage's error that the noise of records may have.
 constexpr double noise_share = 0.3;
 /// Of ratios: grids of 8 x 8 cells over a light.
@@ -190,7 +193,8 @@ uint32_t RadianceCacheFill::begin_bands(Round round) {
 }
 
 uint32_t RadianceCacheFill::begin_surveying() {
-  stride_ = surveying_stride;
+  const Vec2i film = camera_.film_size();
+  stride_ = std::clamp(std::min(film.x, film.y) / least_surveyed_side, 1, greatest_surveying_stride);
   if (refinements_++ < most_refinements && records_left() > 0) return begin_bands(Round::surveying);
   round_ = Round::done;
   return 0;
