@@ -137,9 +137,10 @@ Spectrum RadianceCacheIntegrator::emission(const Walk& walk, const scene::Surfac
       seen = *surface;
       seen->distance = glm::length(surface->position - walk.last_position);
     }
-    const float pdf = static_cast<float>(walk.last_light_samples) *
-                      lights.probability(walk.last_receiver, index) *
-                      light.pdf(walk.last_position, walk.ray.direction, seen ? &*seen : nullptr);
+    const float pdf =
+        static_cast<float>(walk.last_light_samples) *
+        lights.probability(walk.last_receiver, index, transport::LightSubset::besides_parallel) *
+        light.pdf(walk.last_position, walk.ray.direction, seen ? &*seen : nullptr);
     return emitted * transport::power_heuristic(walk.last_pdf, pdf);
   };
   if (surface == nullptr) {
@@ -481,6 +482,7 @@ void RadianceCacheIntegrator::observe(const Ray& ray, RandomStream& random, RayC
 std::unique_ptr<Preparation> RadianceCacheIntegrator::prepare(const CameraRays& camera,
                                                               const CacheTarget& target) {
   if (technique_.aware) single_scattering_.decide(settings_, camera, *cache_->records());
+  single_scattering_.map_shadows(camera);
   return std::make_unique<RadianceCacheFill>(*this, camera, target);
 }
 

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <utility>
 
 #include "transport/direct_light_bundle.h"
+#include "transport/parallel_light.h"
 
 namespace fogbank::integrators {
 
@@ -13,6 +15,7 @@ using transport::bundle_capacity;
 using transport::DistanceTable;
 using transport::Light;
 using transport::LightChoice;
+using transport::LightSubset;
 using transport::MediumInfo;
 using transport::MediumSegment;
 
@@ -20,6 +23,9 @@ namespace {
 
 /// Samples along one segment.
 constexpr int32_t samples = 4;
+/// Of shadow maps, in cells; a cell is to be half a pixel wide or more.
+constexpr int32_t least_map_side = 128;
+constexpr int32_t most_map_side = 2048;
 /// Places of a segment that a fill asks for.
 constexpr int32_t observed_places = 16;
 
@@ -32,6 +38,23 @@ void SingleScatteringTerm::decide(const IntegratorSettings& settings, const Came
                                   const cache::RecordSet& records) {
   if (std::exchange(decided_, true)) return;
   plan_ = single_scattering_plan(*world_, settings, camera, records);
+}
+
+void SingleScatteringTerm::map_shadows(const CameraRays& camera) {
+  const std::vector<uint32_t>& lights = world_->lights().parallel_lights();
+  if (!shadow_maps_.empty() || lights.empty()) return;
+  const Vec2i film = camera.film_size();
+  const auto side = static_cast<int32_t>(std::bit_ceil(2 * static_cast<uint32_t>(std::max(film.x, film.y))));
+  for (const uint32_t light : lights) {
+    auto& maps = shadow_maps_.emplace_back();
+    for (size_t i = 0; i < world_->scene().media.size(); ++i) {
+      const auto medium = static_cast<int32_t>(i);
+      maps.push_back(is_black(world_->medium(medium).sigma_s)
+                         ? nullptr
+                         : std::make_unique<transport::ShadowMap>(
+                               *world_, light, medium, std::clamp(side, least_map_side, most_map_side)));
+    }
+  }
 }
 
 double SingleScatteringTerm::typical_radiance(std::span<const cache::Record> records) const {
@@ -57,14 +80,26 @@ SingleScatteringTerm::Cached SingleScatteringTerm::cached(uint32_t light, int32_
 PixelSample SingleScatteringTerm::sample(const MediumSegment& segment, int32_t medium_index,
                                          bool wants_cached, const cache::Epoch* epoch, RandomStream& random,
                                          RayCounters& counters) const {
+  PixelSample sum = sample_others(segment, medium_index, wants_cached, epoch, random, counters);
+  for (size_t i = 0; i < shadow_maps_.size(); ++i)
+    if (const auto& map = shadow_maps_[i][static_cast<size_t>(medium_index)])
+      sum.sampled += transport::in_scattered_parallel_light(*world_, world_->lights().parallel_lights()[i],
+                                                            *map, segment, medium_index, random, counters);
+  return sum;
+}
+
+PixelSample SingleScatteringTerm::sample_others(const MediumSegment& segment, int32_t medium_index,
+                                                bool wants_cached, const cache::Epoch* epoch,
+                                                RandomStream& random, RayCounters& counters) const {
+  const LightSubset subset = shadow_maps_.empty() ? LightSubset::all : LightSubset::besides_parallel;
   if (!looks_up())
-    return {.sampled = transport::in_scattered_radiance_bundle(*world_, segment, medium_index, samples,
-                                                               random, counters)};
+    return {.sampled = transport::in_scattered_radiance_bundle(*world_, segment, medium_index, subset,
+                                                               samples, random, counters)};
   const MediumInfo& medium = *segment.medium;
   transport::BundlePoints points(samples, random);
   const std::span<float> first = points.first();
   std::array<LightChoice, bundle_capacity> choices;
-  world_->lights().choose(segment, first, choices);
+  world_->lights().choose(segment, subset, first, choices);
   transport::ShadowRays sampled;
   transport::ShadowRays uncovered;
   PixelSample sum;

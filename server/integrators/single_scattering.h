@@ -12,6 +12,7 @@
 #include "integrators/single_scattering_plan.h"
 #include "transport/bundle_points.h"
 #include "transport/medium_segment.h"
+#include "transport/shadow_map.h"
 #include "transport/world.h"
 
 namespace fogbank::integrators {
@@ -24,6 +25,8 @@ class SingleScatteringTerm {
   /// Settles, once, which lights are looked up, by the settings or by predicted cost. `records`: what is
   /// there. While nothing is rendered.
   void decide(const IntegratorSettings& settings, const CameraRays& camera, const cache::RecordSet& records);
+  /// Makes ready, once, for directional lights that are few enough. While nothing is rendered.
+  void map_shadows(const CameraRays& camera);
   const std::vector<Decision>& decisions() const { return plan_.decisions; }
   /// Whether any light is looked up.
   bool looks_up() const { return !plan_.proxies.empty(); }
@@ -48,11 +51,16 @@ class SingleScatteringTerm {
     const cache::Index* index = nullptr;
   };
 
+  /// Of the lights that have no shadow maps.
+  PixelSample sample_others(const transport::MediumSegment& segment, int32_t medium, bool wants_cached,
+                            const cache::Epoch* epoch, RandomStream& random, RayCounters& counters) const;
   Cached cached(uint32_t light, int32_t medium, const cache::Epoch* epoch) const;
 
   std::shared_ptr<const transport::World> world_;
   bool decided_ = false;
   SingleScatteringPlan plan_;
+  /// By LightSampler::parallel_lights(), then medium; none where a medium scatters nothing.
+  std::vector<std::vector<std::unique_ptr<const transport::ShadowMap>>> shadow_maps_;
 };
 
 }  // namespace fogbank::integrators

@@ -49,7 +49,7 @@ class ShadowRays {
     ++count_;
   }
   Spectrum trace(const World& world, int32_t medium, RayCounters& counters) const {
-    std::array<Spectrum, bundle_capacity> visible;
+    std::array<Spectrum, capacity> visible;
     world.visibility(std::span(rays_).first(count_), medium, visible, counters);
     Spectrum sum(0);
     for (size_t i = 0; i < count_; ++i) sum += radiance_[i] * visible[i];
@@ -57,9 +57,11 @@ class ShadowRays {
   }
 
  private:
+  static constexpr size_t capacity = bundle_capacity + LightSampler::most_parallel_lights;
+
   size_t count_ = 0;
-  std::array<Ray, bundle_capacity> rays_;
-  std::array<Spectrum, bundle_capacity> radiance_;
+  std::array<Ray, capacity> rays_;
+  std::array<Spectrum, capacity> radiance_;
 };
 
 }  // namespace fogbank::transport

@@ -8,13 +8,15 @@
 
 namespace fogbank::transport {
 
-/// As in_scattered_radiance() of direct_light.h where nothing else finds the emission; `samples`: a power of
-/// two up to most_bundle_samples, the same for all samples of a pixel.
+/// As in_scattered_radiance() of direct_light.h where nothing else finds the emission, of the lights of
+/// `subset`; `samples`: a power of two up to most_bundle_samples, the same for all samples of a pixel.
 Spectrum in_scattered_radiance_bundle(const World& world, const MediumSegment& segment, int32_t medium,
-                                      int32_t samples, RandomStream& random, RayCounters& counters);
+                                      LightSubset subset, int32_t samples, RandomStream& random,
+                                      RayCounters& counters);
 
-/// As reflected_direct_light() of direct_light.h; `samples` as above. Where paths find emission too its
-/// weights are those of `samples` times the density of one sample of the lights.
+/// As reflected_direct_light() of direct_light.h; `samples` as above, of the lights besides parallel ones,
+/// which have one more each. Where paths find emission too its weights are those of `samples` times the
+/// density of one sample of LightSubset::besides_parallel.
 Spectrum reflected_direct_light_bundle(const World& world, const scene::SurfaceInteraction& surface,
                                        const Vec3f& ray_direction, int32_t medium, int32_t samples,
                                        EmissionFoundBy found_by, RandomStream& random, RayCounters& counters);

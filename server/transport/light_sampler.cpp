@@ -225,6 +225,9 @@ size_t pick(const float* weights, size_t count, float total, float& u) {
 LightSampler::LightSampler(std::vector<LightPointer> lights)
     : lights_(std::move(lights)), trails_(lights_.size(), 0) {
   for (uint32_t i = 0; i < lights_.size(); ++i) (lights_[i]->at_infinity() ? infinite_ : order_).push_back(i);
+  for (const uint32_t index : infinite_)
+    if (lights_[index]->is_delta()) parallel_.push_back(index);
+  if (parallel_.size() > most_parallel_lights) parallel_.clear();
   if (infinite_.size() > most_infinite_lights)
     throw Error(ErrorKind::resource_exhausted, "TOO_MANY_INFINITE_LIGHTS",
                 "the scene has " + std::to_string(infinite_.size()) + " lights at infinity; at most " +
@@ -270,16 +273,20 @@ uint32_t LightSampler::build(uint32_t first, uint32_t count, uint32_t depth, uin
 }
 
 template <typename Place>
-LightSampler::Top LightSampler::top_of(const Place& place) const {
+LightSampler::Top LightSampler::top_of(const Place& place, LightSubset subset) const {
   Top top;
+  const bool without_parallel = subset == LightSubset::besides_parallel && !parallel_.empty();
   const auto add = [&top](float importance) { top.total += top.weights[top.count++] = importance; };
   const size_t finite = is_flat() ? order_.size() : 1;
   if (infinite_.size() + finite == 1 && is_flat()) {
     // The only light there is: nothing to weigh.
-    add(1);
+    add(without_parallel ? 0 : 1);
     return top;
   }
-  for (const uint32_t index : infinite_) add(light_importance(place, *lights_[index]));
+  for (const uint32_t index : infinite_) {
+    const Light& light = *lights_[index];
+    add(without_parallel && light.is_delta() ? 0 : light_importance(place, light));
+  }
   if (is_flat()) {
     for (const uint32_t index : order_) add(light_importance(place, *lights_[index]));
   } else {
@@ -326,8 +333,8 @@ std::optional<LightChoice> LightSampler::choose_from(const Top& top, const Place
 }
 
 template <typename Place>
-float LightSampler::probability_at(const Place& place, uint32_t light) const {
-  const Top top = top_of(place);
+float LightSampler::probability_at(const Place& place, uint32_t light, LightSubset subset) const {
+  const Top top = top_of(place, subset);
   if (!(top.total > 0)) return 0;
   if (lights_[light]->at_infinity()) {
     for (size_t i = 0; i < infinite_.size(); ++i)
@@ -365,30 +372,31 @@ float LightSampler::probability_at(const Place& place, uint32_t light) const {
 }
 
 template <typename Place>
-void LightSampler::choose_all(const Place& place, std::span<float> u, std::span<LightChoice> choices) const {
-  const Top top = top_of(place);
+void LightSampler::choose_all(const Place& place, LightSubset subset, std::span<float> u,
+                              std::span<LightChoice> choices) const {
+  const Top top = top_of(place, subset);
   for (size_t i = 0; i < u.size(); ++i) choices[i] = choose_from(top, place, u[i]).value_or(LightChoice{});
 }
 
 std::optional<LightChoice> LightSampler::choose(const LightReceiver& receiver, float& u) const {
   return choose_from(top_of(receiver), receiver, u);
 }
-float LightSampler::probability(const LightReceiver& receiver, uint32_t light) const {
-  return probability_at(receiver, light);
+float LightSampler::probability(const LightReceiver& receiver, uint32_t light, LightSubset subset) const {
+  return probability_at(receiver, light, subset);
 }
 std::optional<LightChoice> LightSampler::choose(const MediumSegment& segment, float& u) const {
   return choose_from(top_of(segment), segment, u);
 }
-void LightSampler::choose(const LightReceiver& receiver, std::span<float> u,
+void LightSampler::choose(const LightReceiver& receiver, LightSubset subset, std::span<float> u,
                           std::span<LightChoice> choices) const {
-  choose_all(receiver, u, choices);
+  choose_all(receiver, subset, u, choices);
 }
-void LightSampler::choose(const MediumSegment& segment, std::span<float> u,
+void LightSampler::choose(const MediumSegment& segment, LightSubset subset, std::span<float> u,
                           std::span<LightChoice> choices) const {
-  choose_all(segment, u, choices);
+  choose_all(segment, subset, u, choices);
 }
 float LightSampler::probability(const MediumSegment& segment, uint32_t light) const {
-  return probability_at(segment, light);
+  return probability_at(segment, light, LightSubset::all);
 }
 
 }  // namespace fogbank::transport

@@ -21,6 +21,12 @@ struct LightChoice {
   float probability = 0;
 };
 
+/// Lights that a choice is made among.
+enum class LightSubset : uint8_t {
+  all,
+  besides_parallel,  ///< without LightSampler::parallel_lights()
+};
+
 /// Where direct light is wanted on a surface or at a scattering point.
 struct LightReceiver {
   Vec3f position{0};
@@ -32,6 +38,7 @@ struct LightReceiver {
 class LightSampler {
  public:
   static constexpr size_t most_infinite_lights = 15;
+  static constexpr size_t most_parallel_lights = 4;
 
   /// Throws Error(resource_exhausted, "TOO_MANY_INFINITE_LIGHTS").
   explicit LightSampler(std::vector<LightPointer> lights);
@@ -39,16 +46,21 @@ class LightSampler {
   size_t size() const { return lights_.size(); }
   const Light& light(uint32_t index) const { return *lights_[index]; }
   const std::vector<uint32_t>& infinite_lights() const { return infinite_; }
+  /// The directional lights where they are so few that each can be sampled for itself; else none.
+  const std::vector<uint32_t>& parallel_lights() const { return parallel_; }
 
   /// `u` is canonical and is rescaled to a fresh canonical number. nullopt when no light reaches.
   std::optional<LightChoice> choose(const LightReceiver& receiver, float& u) const;
-  float probability(const LightReceiver& receiver, uint32_t light) const;
+  float probability(const LightReceiver& receiver, uint32_t light,
+                    LightSubset subset = LightSubset::all) const;
   std::optional<LightChoice> choose(const MediumSegment& segment, float& u) const;
   float probability(const MediumSegment& segment, uint32_t light) const;
   /// The same for several numbers at once; a probability of 0 stands for no light. Ascending numbers give the
   /// samples of one light in a row.
-  void choose(const LightReceiver& receiver, std::span<float> u, std::span<LightChoice> choices) const;
-  void choose(const MediumSegment& segment, std::span<float> u, std::span<LightChoice> choices) const;
+  void choose(const LightReceiver& receiver, LightSubset subset, std::span<float> u,
+              std::span<LightChoice> choices) const;
+  void choose(const MediumSegment& segment, LightSubset subset, std::span<float> u,
+              std::span<LightChoice> choices) const;
 
  private:
   struct Node {
@@ -69,19 +81,21 @@ class LightSampler {
   };
 
   template <typename Place>
-  Top top_of(const Place& place) const;
+  Top top_of(const Place& place, LightSubset subset = LightSubset::all) const;
   template <typename Place>
   std::optional<LightChoice> choose_from(const Top& top, const Place& place, float& u) const;
   template <typename Place>
-  void choose_all(const Place& place, std::span<float> u, std::span<LightChoice> choices) const;
+  void choose_all(const Place& place, LightSubset subset, std::span<float> u,
+                  std::span<LightChoice> choices) const;
   template <typename Place>
-  float probability_at(const Place& place, uint32_t light) const;
+  float probability_at(const Place& place, uint32_t light, LightSubset subset) const;
   uint32_t build(uint32_t first, uint32_t count, uint32_t depth, uint64_t trail);
 
   bool is_flat() const { return nodes_.empty() || nodes_[0].count > 0; }
 
   std::vector<LightPointer> lights_;
   std::vector<uint32_t> infinite_;
+  std::vector<uint32_t> parallel_;
   std::vector<uint32_t> order_;  ///< finite lights, leaf by leaf
   std::vector<Node> nodes_;
   std::vector<uint64_t> trails_;  ///< per light: left/right bits from the root

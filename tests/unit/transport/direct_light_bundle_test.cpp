@@ -68,7 +68,8 @@ TEST(DirectLightBundle, SegmentsAgreeWithSingleSamples) {
       single.add(in_scattered_radiance(*world, segment, medium, 1, EmissionFoundBy::light_sampling, random,
                                        counters));
       if (pixel < 4000)
-        bundle.add(in_scattered_radiance_bundle(*world, segment, medium, samples, random, counters));
+        bundle.add(in_scattered_radiance_bundle(*world, segment, medium, LightSubset::all, samples, random,
+                                                counters));
     }
     expect_same_mean_and_less_variance(single, bundle, samples);
   }
@@ -118,9 +119,11 @@ TEST(DirectLightBundle, SamplesOfAPixelContinueItsSequence) {
     Spectrum sum_apart(0);
     for (uint32_t sample = 0; sample < 16; ++sample) {
       RandomStream same(3, pixel, 0, sample);
-      sum_together += in_scattered_radiance_bundle(*world, segment, medium, 4, same, counters) / 16.0f;
+      sum_together +=
+          in_scattered_radiance_bundle(*world, segment, medium, LightSubset::all, 4, same, counters) / 16.0f;
       RandomStream other(3, pixel * 16 + sample, 1, sample);
-      sum_apart += in_scattered_radiance_bundle(*world, segment, medium, 4, other, counters) / 16.0f;
+      sum_apart +=
+          in_scattered_radiance_bundle(*world, segment, medium, LightSubset::all, 4, other, counters) / 16.0f;
     }
     together.add(sum_together);
     apart.add(sum_apart);
