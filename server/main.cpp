@@ -91,9 +91,9 @@ int main(int argc, char** argv) {
   app.add_flag("--exit-with-stdin", exit_with_stdin,
                "Ends when standard input is closed: with the parent process, and its jobs with it");
   app.add_option("--metrics", options.metrics, "HOST:PORT of loopback: serves /metrics to Prometheus");
-  app.add_option(
-      "--trace", trace,
-      "File for the spans of jobs, OTLP/JSON lines; clients' traceparent says what they belong to");
+  app.add_option("--trace", trace,
+                 "File for the spans of jobs, fills and probes, OTLP/JSON lines; clients' traceparent says "
+                 "what they belong to");
   app.add_option("--task-report", options.task_limits.report_seconds,
                  "Seconds after which a tile is reported as slow, in the log and in metrics")
       ->check(CLI::PositiveNumber)

@@ -11,6 +11,7 @@
 #include "service/job_settings.h"
 #include "service/limits.h"
 #include "service/names.h"
+#include "service/work_trace.h"
 
 namespace fogbank::service {
 
@@ -24,10 +25,15 @@ class FillStream final : public grpc::ServerWriteReactor<v1::FillCacheResponse>,
  public:
   FillStream(grpc::CallbackServerContext& context, const v1::FillCacheRequest& request,
              FillServices& services)
-      : context_(context), request_(request), services_(services) {}
+      : context_(context),
+        request_(request),
+        services_(services),
+        trace_(services.traces, client_trace(context), "fill_cache",
+               {{"fogbank.scene", request.scene().substr(0, limits::max_path_bytes)}}) {}
 
   void start() {
     self_ = shared_from_this();
+    trace_.begin("load");
     services_.pump.add(self_);
     const bool posted = services_.control.post([self = shared_from_this()] { self->acquire(); });
     if (!posted) leave_failure(std::make_exception_ptr(shutting_down()));
@@ -150,6 +156,8 @@ class FillStream final : public grpc::ServerWriteReactor<v1::FillCacheResponse>,
         });
     leave_news([&] {
       if (cancelled_ || failure_) return;
+      trace_.end("load");
+      trace_.begin("fill");
       workload->start();
       workload_ = std::move(workload);
     });
@@ -157,10 +165,18 @@ class FillStream final : public grpc::ServerWriteReactor<v1::FillCacheResponse>,
 
   /// Keeps what was made. Called by a render thread, which is not to wait for the disk.
   void save() {
+    {
+      const std::lock_guard lock(mutex_);
+      trace_.end("fill");
+      trace_.begin("save");
+    }
     const bool posted = services_.control.post([self = shared_from_this()] {
       try {
         const uint64_t epoch = self->services_.caches.keep_epoch(self->field_);
-        self->leave_news([&] { self->kept_epoch_ = epoch; });
+        self->leave_news([&] {
+          self->trace_.end("save", {{"fogbank.epoch", static_cast<int64_t>(epoch)}});
+          self->kept_epoch_ = epoch;
+        });
       } catch (...) {
         self->leave_failure(std::current_exception());
       }
@@ -184,6 +200,10 @@ class FillStream final : public grpc::ServerWriteReactor<v1::FillCacheResponse>,
   /// With `mutex_` held and no write outstanding.
   Step finish(const grpc::Status& status) {
     finished_ = true;
+    trace_.finish({{"rpc.grpc.status_code", static_cast<int64_t>(status.error_code())},
+                   {"fogbank.records_new", static_cast<int64_t>(response_.records_new())},
+                   {"fogbank.rays", static_cast<int64_t>(response_.rays())}},
+                  !status.ok());
     workload_ = nullptr;  // and with it the cache, before the client hears of the end
     Finish(status);
     return {.state = State::finished, .retry_at = {}};
@@ -205,6 +225,7 @@ class FillStream final : public grpc::ServerWriteReactor<v1::FillCacheResponse>,
   Clock::time_point next_report_;     ///< of the pump's thread
 
   std::mutex mutex_;
+  WorkTrace trace_;
   std::shared_ptr<FillWorkload> workload_;
   std::optional<uint64_t> kept_epoch_;
   std::optional<grpc::Status> failure_;

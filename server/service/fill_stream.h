@@ -11,6 +11,7 @@
 #include "service/scheduling/scheduler.h"
 #include "service/stream_pump.h"
 #include "service/tenant_quota.h"
+#include "service/trace_log.h"
 
 namespace fogbank::service {
 
@@ -22,7 +23,8 @@ struct FillServices {
   TaskQueue& control;
   StreamPump& pump;  ///< serves FillCache streams and nothing else
   TenantQuota& quota;
-  int group = 0;  ///< in the scheduler
+  int group = 0;               ///< in the scheduler
+  TraceLog* traces = nullptr;  ///< null: nothing is traced
   std::atomic<bool> shutting_down = false;
 };
 

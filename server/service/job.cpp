@@ -46,7 +46,7 @@ Job::Job(const std::string& id, const v1::CreateJobRequest& request, const v1::R
       settings_(settings),
       priority_(known_priority(request.priority())),
       board_(tile_count(request_, settings_), seconds(settings_.update_interval_seconds())),
-      trace_(services.traces, std::move(client), job_name(id)) {
+      trace_(services.traces, std::move(client), "job", {{"fogbank.job", job_name(id)}}) {
   trace_.begin("queue");
   base_.set_name(job_name(id));
   base_.set_scene(request.scene());
@@ -73,7 +73,8 @@ Job::Job(StoredJob stored, JobServices& services)
                  ? TileBoard::published(tile_count(request_, settings_), base_.revision())
                  : TileBoard(tile_count(request_, settings_), seconds(settings_.update_interval_seconds()),
                              first_revision(base_.restarts() + 1))),
-      trace_(has_ended(base_.state()) ? nullptr : services.traces, std::nullopt, base_.name()) {
+      trace_(has_ended(base_.state()) ? nullptr : services.traces, std::nullopt, "job",
+             {{"fogbank.job", base_.name()}}) {
   if (has_ended(base_.state())) return;
   base_.set_restarts(base_.restarts() + 1);
   base_.clear_start_time();
@@ -332,7 +333,8 @@ void Job::end(v1::Job description) {
     const std::lock_guard lock(mutex_);
     base_ = std::move(description);
     board_.advance();
-    trace_.finish(v1::JobState_Name(base_.state()), base_.state() == v1::JOB_STATE_FAILED);
+    trace_.finish({{"fogbank.state", v1::JobState_Name(base_.state())}},
+                  base_.state() == v1::JOB_STATE_FAILED);
     released = std::move(render_job_);
     render_job_ = nullptr;
     engine_settings_.integrator_settings.cache = nullptr;

@@ -16,7 +16,6 @@
 #include "render/task.h"
 #include "service/job_settings.h"
 #include "service/job_store.h"
-#include "service/job_trace.h"
 #include "service/rate_meter.h"
 #include "service/rpc_error.h"
 #include "service/scheduling/scheduler.h"
@@ -25,6 +24,7 @@
 #include "service/scheduling/watch_cursor.h"
 #include "service/task_limits.h"
 #include "service/tile_source.h"
+#include "service/work_trace.h"
 #include "transport/world.h"
 
 namespace fogbank::service {
@@ -219,7 +219,7 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   bool finishing_ = false;
   std::map<uint64_t, RunningTask> running_;  ///< by number
   uint64_t next_task_ = 0;
-  JobTrace trace_;
+  WorkTrace trace_;
   int completing_ = 0;       ///< results of leased tasks that are being taken
   std::string coordinator_;  ///< that has the leased tasks
   int watchers_ = 0;

@@ -105,7 +105,7 @@ void Job::finish_suspension() {
   write_checkpoint();
   {
     const std::lock_guard lock(mutex_);
-    trace_.finish("SUSPENDED", false);
+    trace_.finish({{"fogbank.state", "SUSPENDED"}}, false);
   }
   services_.suspended(shared_from_this());
   services_.changed();

@@ -13,6 +13,7 @@
 #include "service/probe_messages.h"
 #include "service/probe_settings.h"
 #include "service/probe_workload.h"
+#include "service/work_trace.h"
 
 namespace fogbank::service {
 
@@ -181,8 +182,12 @@ class ProbeStream final : public ProbeReactor,
       throw invalid_probe(header_seen_ ? "a second header" : "the first message must be the header");
     if (request_.has_header()) {
       header_seen_ = true;
+      const std::string& scene = request_.header().scene();
+      trace_.emplace(services_.traces, client_trace(context_), "probe",
+                     WorkTrace::Attributes{{"fogbank.scene", scene.substr(0, limits::max_path_bytes)}});
+      trace_->begin("load");
       settings_ = request_.header().settings();
-      acquire(parse_scene_name(request_.header().scene()));
+      acquire(parse_scene_name(scene));
     } else {
       std::vector<Vec3f> points = checked_points(request_.points(), points_received_);
       points_received_ += points.size();
@@ -225,6 +230,8 @@ class ProbeStream final : public ProbeReactor,
         [stream = weak_from_this(), &pump = services_.pump] {
           if (const auto self = stream.lock()) pump.ready(self);
         });
+    trace_->end("load");
+    trace_->begin("points");
   }
 
   /// Fills `response_` if there is something to write; nothing is being written.
@@ -253,6 +260,10 @@ class ProbeStream final : public ProbeReactor,
   /// With `mutex_` held and no write outstanding.
   Step finish(const grpc::Status& status) {
     finished_ = true;
+    if (trace_) {
+      trace_->end("points", {{"fogbank.points", static_cast<int64_t>(points_answered_)}});
+      trace_->finish({{"rpc.grpc.status_code", static_cast<int64_t>(status.error_code())}}, !status.ok());
+    }
     Finish(status);
     return {.state = State::finished, .retry_at = {}};
   }
@@ -275,8 +286,9 @@ class ProbeStream final : public ProbeReactor,
   uint64_t points_received_ = 0;
   uint64_t points_answered_ = 0;
   std::optional<grpc::Status> failure_;
-  v1::ProbeRequest request_;    ///< of the outstanding read, or the message that it brought
-  v1::ProbeResponse response_;  ///< of the outstanding write
+  std::optional<WorkTrace> trace_;  ///< from the header on
+  v1::ProbeRequest request_;        ///< of the outstanding read, or the message that it brought
+  v1::ProbeResponse response_;      ///< of the outstanding write
 
   std::mutex mutex_;
   News news_;

@@ -11,6 +11,7 @@
 #include "service/scheduling/task_queue.h"
 #include "service/stream_pump.h"
 #include "service/tenant_quota.h"
+#include "service/trace_log.h"
 
 namespace fogbank::service {
 
@@ -21,7 +22,8 @@ struct ProbeServices {
   TaskQueue& control;    ///< asks for scenes
   StreamPump& pump;      ///< reads, checks and writes messages; of the probes alone
   TenantQuota& quota;
-  int group = 0;  ///< in the scheduler
+  int group = 0;               ///< in the scheduler
+  TraceLog* traces = nullptr;  ///< null: nothing is traced
   std::atomic<bool> shutting_down = false;
 };
 

@@ -4,18 +4,9 @@
 #include "service/download_stream.h"
 #include "service/names.h"
 #include "service/watch_stream.h"
+#include "service/work_trace.h"
 
 namespace fogbank::service {
-
-namespace {
-
-std::optional<TraceContext> client_trace(const grpc::CallbackServerContext& context) {
-  const auto header = context.client_metadata().find("traceparent");
-  if (header == context.client_metadata().end()) return {};
-  return parse_traceparent({header->second.data(), header->second.size()});
-}
-
-}  // namespace
 
 grpc::ServerUnaryReactor* RenderServiceImplementation::CreateJob(grpc::CallbackServerContext* context,
                                                                  const v1::CreateJobRequest* request,

@@ -23,7 +23,7 @@ struct ServerOptions {
   int64_t cache_bytes = 0;      ///< of caches on the disk; 0: no limit
   TlsFiles tls;                 ///< with a certificate: TLS, and tokens on every address
   std::string metrics;          ///< HOST:PORT of loopback for Prometheus; empty: no metrics
-  std::filesystem::path trace;  ///< OTLP/JSON file for spans of jobs; empty: none
+  std::filesystem::path trace;  ///< OTLP/JSON file for spans of jobs, fills and probes; empty: none
   TaskLimits task_limits;
   bool require_tokens = false;        ///< on loopback and sockets, too
   bool insecure_any_address = false;  ///< allows addresses other than loopback and sockets without either

@@ -28,14 +28,16 @@ Tenant::Tenant(std::string name_to_use, int number_to_use, const std::filesystem
              .control = shared.control,
              .pump = probe_pump,
              .quota = quota,
-             .group = number},
+             .group = number,
+             .traces = shared.traces},
       fills{.scenes = scenes,
             .caches = caches,
             .scheduler = shared.scheduler,
             .control = shared.control,
             .pump = fill_pump,
             .quota = quota,
-            .group = number},
+            .group = number,
+            .traces = shared.traces},
       replicas([this] { perform_pump.news(); }),
       performs{.scheduler = shared.scheduler, .pump = perform_pump, .group = number} {}
 

@@ -11,7 +11,7 @@ from typing import Any
 import fogbank
 import grpc
 import pytest
-from fogbank._generated.v1 import render_pb2
+from fogbank._generated.v1 import cache_pb2, render_pb2
 from fogbank.paths import server_binary
 
 from tests.service.harness import Server, fog_scene
@@ -61,6 +61,34 @@ def test_a_trace_goes_from_the_client_to_the_last_byte(tmp_path: Path) -> None:
         assert begin - 10**10 < int(span["startTimeUnixNano"]) <= int(span["endTimeUnixNano"]) <= time.time_ns()
     (send,) = [span for span in parts if span["name"] == "send"]
     assert int(attributes(send)["fogbank.bytes"]) > 1000
+
+
+def test_fills_and_probes_have_spans(tmp_path: Path) -> None:
+    server = Server(tmp_path / "data", "--trace", str(tmp_path / "trace.json"))
+    scene = tmp_path / "scene.xml"
+    scene.write_bytes(fog_scene(width=16, height=12))
+    with fogbank.connect(server.target) as service, fogbank.trace(f"00-{TRACE}-{PARENT}-01"):
+        loaded = service.load(scene)
+        loaded.cache.fill(integrator="radiance-cache", error=2.0)
+        loaded.probe([[0.0, 1.0, 0.0], [0.5, 1.0, 0.0]])
+    request = cache_pb2.FillCacheRequest(scene="scenes/" + "0" * 64)
+    with pytest.raises(grpc.RpcError):
+        list(server.caches.FillCache(request))
+    assert server.stop() == 0
+    all_spans = spans(tmp_path / "trace.json")
+    fill, failed = (span for span in all_spans if span["name"] == "fill_cache")
+    (probe,) = (span for span in all_spans if span["name"] == "probe")
+    for root, parts in ((fill, {"load", "fill", "save"}), (probe, {"load", "points"})):
+        assert (root["traceId"], root["parentSpanId"]) == (TRACE, PARENT)
+        assert "status" not in root
+        assert attributes(root)["fogbank.scene"] == loaded.name
+        assert {span["name"] for span in all_spans if span.get("parentSpanId") == root["spanId"]} == parts
+    assert int(attributes(fill)["fogbank.records_new"]) > 0
+    (points,) = (span for span in all_spans if span["name"] == "points")
+    assert int(attributes(points)["fogbank.points"]) == 2
+    assert failed["traceId"] != TRACE
+    assert failed["status"] == {"code": 2}
+    assert int(attributes(failed)["rpc.grpc.status_code"]) == grpc.StatusCode.NOT_FOUND.value[0]
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ from fogbank.download import FileChunk, download
 from fogbank.errors import DataLossError, FogbankError, UnavailableError
 from fogbank.retry import Backoff
 from fogbank.settings import RenderOptions, settings_message
+from fogbank.tracing import trace_metadata
 from fogbank.upload import ProgressSink, upload_file
 
 # Of a file that is hashed at once.
@@ -260,7 +261,7 @@ class SceneCache(Cache):
         )
         backoff = Backoff(self._connection.retry_policy)
         while True:
-            call = self._connection.stubs.caches.FillCache(request)
+            call = self._connection.stubs.caches.FillCache(request, metadata=trace_metadata())
             try:
                 for response in call:
                     backoff.progressed()

@@ -14,6 +14,7 @@ from fogbank.channel import Connection
 from fogbank.errors import CallCancelledError, FogbankError, UnavailableError
 from fogbank.probe import FloatArray, PointsLike, ProbeResult, point_array, result_from_message
 from fogbank.retry import Backoff
+from fogbank.tracing import trace_metadata
 
 # As max_probe_chunk_points; an end-to-end test compares the two.
 CHUNK_POINTS = 256
@@ -72,6 +73,7 @@ class _Stream:
         self._backoff = Backoff(connection.retry_policy)
         self._unanswered: deque[FloatArray] = deque()
         self._answered_points = 0
+        self._trace = trace_metadata()
         self._half_closed = False
         self._media: tuple[str, ...] = ()
         self._open()
@@ -85,7 +87,7 @@ class _Stream:
             self._put(chunk)
         if self._half_closed:
             self._requests.put(None)
-        self._call = self._connection.stubs.probe.Probe(iter(self._requests.get, None))
+        self._call = self._connection.stubs.probe.Probe(iter(self._requests.get, None), metadata=self._trace)
 
     def _put(self, chunk: FloatArray) -> None:
         self._requests.put(probe_pb2.ProbeRequest(points=probe_pb2.ProbePoints(coordinates=chunk.ravel())))

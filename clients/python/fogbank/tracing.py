@@ -16,7 +16,7 @@ _current: ContextVar[str | None] = ContextVar("fogbank_traceparent", default=Non
 
 @contextmanager
 def trace(traceparent: str) -> Iterator[None]:
-    """Jobs that are created in this block belong to a trace, as "00-{trace id}-{span id}-01" names it.
+    """Jobs, fills and probes that are begun in this block belong to a trace, as "00-{trace id}-{span id}-01" names it.
 
     A server that was started with --trace writes their spans below it. Without a block the environment variable
     TRACEPARENT counts. Raises InvalidArgumentError for what is no traceparent.

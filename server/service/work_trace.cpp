@@ -1,31 +1,38 @@
-#include "service/job_trace.h"
+#include "service/work_trace.h"
 
 #include <utility>
 
 namespace fogbank::service {
 
-JobTrace::JobTrace(TraceLog* log, std::optional<TraceContext> client, std::string job)
+std::optional<TraceContext> client_trace(const grpc::CallbackServerContext& context) {
+  const auto header = context.client_metadata().find("traceparent");
+  if (header == context.client_metadata().end()) return {};
+  return parse_traceparent({header->second.data(), header->second.size()});
+}
+
+WorkTrace::WorkTrace(TraceLog* log, std::optional<TraceContext> client, std::string name, Attributes subject)
     : log_(client && !client->sampled ? nullptr : log),
       parent_(client            ? std::move(*client)
               : log_ != nullptr ? new_trace()
                                 : TraceContext{}),
-      job_(std::move(job)),
+      name_(std::move(name)),
+      subject_(std::move(subject)),
       id_(log_ == nullptr ? "" : new_span_id()),
       begin_(std::chrono::system_clock::now()) {}
 
-std::optional<TraceContext> JobTrace::context() const {
+std::optional<TraceContext> WorkTrace::context() const {
   if (log_ == nullptr) return {};
   return TraceContext{.trace_id = parent_.trace_id, .span_id = id_, .sampled = true};
 }
 
-void JobTrace::begin(const std::string& part) {
+void WorkTrace::begin(const std::string& part) {
   if (log_ != nullptr && !finished_) parts_.emplace(part, std::chrono::system_clock::now());
 }
 
-void JobTrace::end(const std::string& part, std::map<std::string, Span::Value> attributes) {
+void WorkTrace::end(const std::string& part, Attributes attributes) {
   const auto begun = parts_.extract(part);
   if (!begun) return;
-  attributes["fogbank.job"] = job_;
+  attributes.insert(subject_.begin(), subject_.end());
   log_->write({.parent = *context(),
                .id = new_span_id(),
                .name = part,
@@ -34,7 +41,7 @@ void JobTrace::end(const std::string& part, std::map<std::string, Span::Value> a
                .attributes = std::move(attributes)});
 }
 
-void JobTrace::add(const std::string& part, double seconds) {
+void WorkTrace::add(const std::string& part, double seconds) {
   if (log_ == nullptr || finished_ || seconds <= 0) return;
   const auto length =
       std::chrono::duration_cast<Span::Time::duration>(std::chrono::duration<double>(seconds));
@@ -42,16 +49,17 @@ void JobTrace::add(const std::string& part, double seconds) {
   end(part);
 }
 
-void JobTrace::finish(const std::string& state, bool failed) {
+void WorkTrace::finish(Attributes attributes, bool failed) {
   if (log_ == nullptr || finished_) return;
   while (!parts_.empty()) end(parts_.begin()->first);
   finished_ = true;
+  attributes.insert(subject_.begin(), subject_.end());
   log_->write({.parent = parent_,
                .id = id_,
-               .name = "job",
+               .name = name_,
                .begin = begin_,
                .end = std::chrono::system_clock::now(),
-               .attributes = {{"fogbank.job", job_}, {"fogbank.state", state}},
+               .attributes = std::move(attributes),
                .failed = failed});
 }
 
