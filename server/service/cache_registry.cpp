@@ -210,7 +210,19 @@ void CacheRegistry::export_to(const std::string& transport, const fs::path& file
   existing(transport)->export_to(file);
 }
 
+void CacheRegistry::require_room_for(const std::vector<fs::path>& files) const {
+  uint64_t records = 0;
+  for (const fs::path& file : files) records += cache::describe_export(file).records;
+  const std::lock_guard lock(mutex_);
+  const auto most = static_cast<uint64_t>(memory_budget_bytes_) / sizeof(cache::Record);
+  if (records <= most) return;
+  throw RpcError(StatusCode::RESOURCE_EXHAUSTED, "CACHE_TOO_LARGE",
+                 std::to_string(records) + " records are more than the " + std::to_string(most) +
+                     " that the memory for caches has room for");
+}
+
 v1::ImportCacheResponse CacheRegistry::import_from(const fs::path& file, const std::string& transport) {
+  require_room_for({file});
   const std::string field = transport.empty() ? cache::describe_export(file).transport : transport;
   for (const auto& cache : loaded(field)) cache->save();
   const std::shared_ptr<cache::StoredCache> stored = store_.cache(field);

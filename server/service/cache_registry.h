@@ -52,8 +52,12 @@ class CacheRegistry {
   /// All records as one file. Throws RpcError CACHE_NOT_FOUND, and as cache::StoredCache::export_to.
   void export_to(const std::string& transport, const std::filesystem::path& file);
   /// Adds an exported file to the cache that it is of, which must be `transport` unless that is empty. Throws
-  /// as cache::StoredCache::import_from.
+  /// as `require_room_for` and cache::StoredCache::import_from.
   v1::ImportCacheResponse import_from(const std::filesystem::path& file, const std::string& transport);
+  /// To be asked before files that nobody vouches for are read: a few bytes of a compressed file can stand
+  /// for much. Throws RpcError CACHE_TOO_LARGE unless the records of all exported files together, as their
+  /// headers have it, fit into the memory for caches; and as cache::describe_export.
+  void require_room_for(const std::vector<std::filesystem::path>& files) const;
   /// Down to `budget` bytes; nothing: to the budget of the settings.
   v1::CollectCacheGarbageResponse collect_garbage(std::optional<int64_t> budget);
   /// Removes whole caches while all together are above the budget of the settings or above `quota` bytes;

@@ -93,6 +93,7 @@ grpc::ServerWriteReactor<v1::MergeCachesResponse>* start_merge(const v1::MergeCa
     }
     std::vector<fs::path> inputs;
     for (const std::string& sha256 : request.sha256s()) inputs.push_back(uploaded_file(sha256, blobs));
+    with_file_errors([&] { caches.require_room_for(inputs); });
     return make_file(
         caches, [&](const fs::path& path) { with_file_errors([&] { cache::merge_exports(inputs, path); }); });
   };

@@ -52,8 +52,9 @@ Family counter(std::string name, std::string help) {
 
 class Collector final : public prometheus::Collectable {
  public:
-  Collector(const Tenants& tenants, const Scheduler& scheduler, std::filesystem::path data)
-      : tenants_(tenants), scheduler_(scheduler), data_(std::move(data)) {}
+  Collector(const Tenants& tenants, const Scheduler& scheduler, const ReaderHost& readers,
+            std::filesystem::path data)
+      : tenants_(tenants), scheduler_(scheduler), readers_(readers), data_(std::move(data)) {}
 
   std::vector<prometheus::MetricFamily> Collect() const override {
     Family jobs = gauge("fogbank_jobs", "Jobs that are kept, by state");
@@ -119,10 +120,16 @@ class Collector final : public prometheus::Collectable {
     std::error_code unknown;
     const std::filesystem::space_info space = std::filesystem::space(data_, unknown);
     if (!unknown) disk.add(static_cast<double>(space.available), {});
+    Family confinement =
+        gauge("fogbank_reader_confinement",
+              "1: the layer confines the processes that read scene files; 0: it can't be had");
+    if (const auto known = readers_.confinement())
+      for (const ConfinementLayer& layer : layers_of(*known))
+        confinement.add(layer.problem.empty() ? 1 : 0, {{"layer", layer.name}});
     std::vector<prometheus::MetricFamily> families;
     for (const Family* const family :
          {&jobs, &failures, &rays, &tiles, &records, &rate, &streams, &scenes, &memory, &quotas, &quota_uses,
-          &slow, &lost, &threads, &resident, &start, &disk}) {
+          &slow, &lost, &threads, &resident, &start, &disk, &confinement}) {
       families.push_back(family->family());
     }
     return families;
@@ -131,6 +138,7 @@ class Collector final : public prometheus::Collectable {
  private:
   const Tenants& tenants_;
   const Scheduler& scheduler_;
+  const ReaderHost& readers_;
   const std::filesystem::path data_;
   const double start_seconds_ =
       std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
@@ -144,14 +152,15 @@ struct MetricsEndpoint::Parts {
 };
 
 MetricsEndpoint::MetricsEndpoint(const std::string& address, const Tenants& tenants,
-                                 const Scheduler& scheduler, std::filesystem::path data)
+                                 const Scheduler& scheduler, const ReaderHost& readers,
+                                 std::filesystem::path data)
     : parts_(std::make_unique<Parts>()) {
   try {
     parts_->exposer = std::make_unique<prometheus::Exposer>(address, 1);
   } catch (const std::exception&) {
     throw OptionError("can't serve metrics on " + address + ": is the address in use?");
   }
-  parts_->collector = std::make_shared<Collector>(tenants, scheduler, std::move(data));
+  parts_->collector = std::make_shared<Collector>(tenants, scheduler, readers, std::move(data));
   parts_->exposer->RegisterCollectable(parts_->collector);
 }
 

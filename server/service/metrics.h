@@ -5,6 +5,7 @@
 #include <memory>
 #include <string>
 
+#include "service/sandbox/reader_host.h"
 #include "service/scheduling/scheduler.h"
 #include "service/tenants.h"
 
@@ -16,7 +17,7 @@ class MetricsEndpoint {
  public:
   /// `address` is HOST:PORT. Throws OptionError when nothing can listen there.
   MetricsEndpoint(const std::string& address, const Tenants& tenants, const Scheduler& scheduler,
-                  std::filesystem::path data);
+                  const ReaderHost& readers, std::filesystem::path data);
   ~MetricsEndpoint();
 
  private:

@@ -118,16 +118,15 @@ class Sweeper {
 /// How well scene files are kept apart: containers may forbid layers.
 void log_confinement(ReaderHost& readers) {
   try {
-    const Confinement found = readers.start_reader().confinement;
-    if (found.system_calls != 0 && found.files != 0) {
-      spdlog::info("scene files are read in processes confined by seccomp, Landlock and limits");
-    } else {
-      spdlog::warn(
-          "scene files are read in processes that are less confined than they might be: there is no {}here",
-          found.system_calls != 0 ? "Landlock "
-          : found.files != 0      ? "seccomp "
-                                  : "seccomp and no Landlock ");
+    std::string in_force;
+    for (const ConfinementLayer& layer : layers_of(readers.start_reader().confinement)) {
+      if (layer.problem.empty()) {
+        in_force += (in_force.empty() ? "" : ", ") + std::string(layer.name);
+      } else {
+        spdlog::warn("processes that read scene files go without {}: {}", layer.name, layer.problem);
+      }
     }
+    spdlog::info("processes that read scene files are confined by {}", in_force);
   } catch (const std::exception& error) {
     spdlog::error("no scene can be loaded: {}", error.what());
   }
@@ -170,7 +169,7 @@ struct Server::Parts {
         cache_service(tenants, files),
         farm_service(tenants, control, files, scheduler),
         server_service(tenants, options.scene_root.has_value(), options.data, memory_bytes, scheduler,
-                       control) {}
+                       readers, control) {}
 
   FileDescriptor lock;
   int64_t memory_bytes;
@@ -255,7 +254,7 @@ Server::Server(const ServerOptions& options, ReaderHost& readers) {
     ::kill(::getpid(), SIGTERM);
   });
   if (!options.metrics.empty()) {
-    parts_->metrics.emplace(options.metrics, parts_->tenants, parts_->scheduler, options.data);
+    parts_->metrics.emplace(options.metrics, parts_->tenants, parts_->scheduler, readers, options.data);
   }
 }
 

@@ -64,11 +64,13 @@ v1::GetCapabilitiesResponse describe_capabilities(bool scene_root) {
 
 ServerServiceImplementation::ServerServiceImplementation(Tenants& tenants, bool scene_root,
                                                          std::filesystem::path data, int64_t memory_bytes,
-                                                         const Scheduler& scheduler, TaskQueue& control)
+                                                         const Scheduler& scheduler,
+                                                         const ReaderHost& readers, TaskQueue& control)
     : tenants_(tenants),
       data_(std::move(data)),
       memory_bytes_(memory_bytes),
       scheduler_(scheduler),
+      readers_(readers),
       control_(control),
       start_time_(timestamp_now()),
       capabilities_(describe_capabilities(scene_root)) {}
@@ -121,6 +123,14 @@ grpc::ServerUnaryReactor* ServerServiceImplementation::GetServerStatus(
     const std::filesystem::space_info space = std::filesystem::space(data_, unknown);
     if (!unknown) response->set_disk_free_bytes(static_cast<int64_t>(space.available));
     response->set_tenant(tenant.name);
+    if (const auto confinement = readers_.confinement()) {
+      for (const ConfinementLayer& layer : layers_of(*confinement)) {
+        v1::ConfinementLayer& message = *response->add_reader_confinement();
+        message.set_name(layer.name);
+        message.set_in_force(layer.problem.empty());
+        message.set_problem(layer.problem);
+      }
+    }
     for (const QuotaUse& use : tenant.quota_uses()) {
       v1::QuotaUse& message = *response->add_quotas();
       message.set_name(use.name);

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import random
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -439,6 +440,41 @@ def test_wrong_requests_are_refused(
         request_of(server, scene)
     assert error_info(refused.value).reason == reason
     assert refused.value.details() == text
+
+
+def test_hostile_files_are_one_clear_error_each(own_server: Server) -> None:
+    scene = own_server.create_scene(cached_scene())
+    own_server.fill(scene.name, settings(), [A])
+    exported = own_server.export(scene.cache)
+    dice = random.Random(20261122)
+    memory = own_server.server.GetServerStatus(server_pb2.GetServerStatusRequest()).memory_bytes
+    for _ in range(100):
+        hostile = bytearray(exported)
+        # Lengths, counts and names lie in the first 100 bytes.
+        start = dice.randrange(dice.choice((100, len(hostile))))
+        hostile[start : start + dice.choice((1, 4, 8, 100))] = dice.randbytes(dice.choice((1, 4, 8, 100)))
+        if bytes(hostile) == exported:
+            continue
+        digest = own_server.upload(bytes(hostile[: dice.choice((len(hostile), dice.randrange(1, len(hostile))))]))
+        with pytest.raises(grpc.RpcError) as refused:
+            own_server.caches.ImportCache(cache.ImportCacheRequest(sha256=digest))
+        assert error_info(refused.value).reason == "INVALID_CACHE_FILE"
+        with pytest.raises(grpc.RpcError) as refused:
+            list(own_server.caches.MergeCaches(cache.MergeCachesRequest(sha256s=[digest, digest])))
+        assert error_info(refused.value).reason == "INVALID_CACHE_FILE"
+    assert own_server.server.GetServerStatus(server_pb2.GetServerStatusRequest()).memory_bytes < memory + (64 << 20)
+    assert own_server.export(scene.cache) == exported
+
+
+def test_a_cache_that_memory_has_no_room_for_is_refused(own_server: Server, tmp_path: Path) -> None:
+    scene = own_server.create_scene(cached_scene())
+    own_server.fill(scene.name, settings(), [A])
+    small = Server(tmp_path / "small", "--memory", "0.00001")
+    with pytest.raises(grpc.RpcError) as refused:
+        small.import_cache(own_server.export(scene.cache))
+    assert refused.value.code() == grpc.StatusCode.RESOURCE_EXHAUSTED
+    assert error_info(refused.value).reason == "CACHE_TOO_LARGE"
+    assert small.stop() == 0
 
 
 def test_files_that_are_no_caches_change_nothing(own_server: Server) -> None:

@@ -10,6 +10,7 @@ import grpc
 import pytest
 from fogbank._generated.v1 import render_pb2 as render
 from fogbank._generated.v1 import scene_pb2 as scene
+from fogbank._generated.v1 import server_pb2
 
 from tests.service.harness import Server, error_info, fog_scene, new_request_id
 
@@ -49,6 +50,15 @@ def test_readers_and_hosts_end(tmp_path: Path) -> None:
     status = Path(f"/proc/{host}/status")
     while status.exists() and "State:\tZ" not in status.read_text():
         pass  # the test's limit is against hanging
+
+
+def test_the_server_says_how_readers_are_confined(server: Server) -> None:
+    server.create_scene(fog_scene())
+    layers = server.server.GetServerStatus(server_pb2.GetServerStatusRequest()).reader_confinement
+    assert [layer.name for layer in layers] == ["rlimits", "seccomp", "landlock"]
+    assert layers[0].in_force
+    for layer in layers:
+        assert layer.in_force == (layer.problem == "")
 
 
 def test_a_reader_sees_no_other_file(server: Server) -> None:

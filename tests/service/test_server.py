@@ -208,6 +208,7 @@ def test_metrics_count_what_happens(tmp_path: Path) -> None:
     assert found['fogbank_scenes{tenant="",state="resident"}'] == 1
     assert found['fogbank_memory_bytes{tenant="",kind="films"}'] == 0
     assert found["process_resident_memory_bytes"] > 1 << 20
+    assert found['fogbank_reader_confinement{layer="rlimits"}'] == 1
     other = Server(tmp_path / "other")
     assert "in use" in start_fails("--data", tmp_path / "third", "--listen", "127.0.0.1:0", "--metrics", address)
     assert "can be reached by others" in start_fails("--data", tmp_path / "third", "--metrics", "0.0.0.0:9000")

@@ -38,6 +38,7 @@ def status(session: Session, /) -> None:
         f"{quantity(held, 'B')} in use: scenes {quantity(now.scene_memory_bytes, 'B')}, "
         f"caches {quantity(now.cache_memory_bytes, 'B')}, films {quantity(now.film_memory_bytes, 'B')}",
         "disk": f"{quantity(now.disk_free_bytes, 'B')} free",
+        "sandbox": _confinement(now.reader_confinement),
     }
     if now.errors:
         lines["failed"] = ", ".join(f"{count} {reason}" for reason, count in now.errors.items())
@@ -71,6 +72,14 @@ def capabilities(session: Session, /) -> None:
     output.text("limits:")
     for name, limit in what.limits.items():
         output.text(f"  {name}: {limit.value:.15g} {limit.unit} ({limit.description})")
+
+
+def _confinement(layers: dict[str, str | None]) -> str:
+    if not layers:
+        return "unknown: no process that reads scene files has been started yet"
+    in_force = ", ".join(name for name, problem in layers.items() if problem is None) or "nothing"
+    missing = "".join(f"; no {name}: {problem}" for name, problem in layers.items() if problem is not None)
+    return f"processes that read scene files are confined by {in_force}{missing}"
 
 
 def _quota(name: str, use: QuotaUse) -> str:

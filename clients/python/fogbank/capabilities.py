@@ -159,6 +159,10 @@ class ServerStatus:
     quotas: dict[str, QuotaUse]
     """This client's quotas by name, those that are set."""
 
+    reader_confinement: dict[str, str | None]
+    """Layers ("rlimits", "seccomp", "landlock") that confine the processes which read scene files: None where one is in
+    force, else why it isn't. Empty until the first such process has been started, a moment after the server."""
+
     @classmethod
     def from_message(cls, message: server_pb2.GetServerStatusResponse) -> ServerStatus:
         """The status of a wire message."""
@@ -201,5 +205,8 @@ class ServerStatus:
                     retry_after_seconds=quota.retry_after_seconds,
                 )
                 for quota in message.quotas
+            },
+            reader_confinement={
+                layer.name: None if layer.in_force else layer.problem for layer in message.reader_confinement
             },
         )

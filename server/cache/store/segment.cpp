@@ -23,6 +23,11 @@ constexpr size_t hash_bytes = 32;
 constexpr size_t fixed_header_bytes = 8 + 4 + 4 + hash_bytes + 8 + 4 + 4;
 constexpr size_t chunk_entry_bytes = 4 + 2 + 1 + 1 + 4 + 4 + 4 + 8;
 constexpr size_t footer_bytes = hash_bytes + 8;
+/// Compressed, a record takes at least this: nothing compresses the 8 bytes of its id, which is a hash.
+/// Except among so few that it doesn't matter. Else a small file could stand for more records than there is
+/// memory.
+constexpr uint32_t least_record_bytes = 4;
+constexpr uint32_t few_records = 256;
 
 struct ChunkEntry {
   Component component;
@@ -118,6 +123,8 @@ Header read_header(std::string_view bytes, uint64_t size, const std::string& fil
     if (chunk.component.quantity > last_quantity || version_of(chunk.component.quantity) > version ||
         chunk.emission >= emissions || chunk.records == 0 || chunk.records > most_chunk_records)
       damaged(file, "bad table of chunks");
+    if (chunk.records > few_records && chunk.bytes / least_record_bytes < chunk.records)
+      damaged(file, "a chunk claims more records than it can hold");
     records += chunk.records;
     total += chunk.bytes;
   }

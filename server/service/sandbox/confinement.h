@@ -1,7 +1,9 @@
 // Taking everything from a process that it doesn't need to turn bytes into other bytes.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <string>
 
 namespace fogbank::service {
 
@@ -13,14 +15,22 @@ struct ReaderLimits {
   static constexpr int64_t silence_seconds = 600;
 };
 
-/// Which layers are in force. Limits of resources always are.
+/// What each layer said when it was asked for: 0 where it is in force, else an errno. Containers may forbid
+/// one or the other.
 struct Confinement {
-  uint8_t system_calls = 0;  ///< seccomp: no new files, sockets, processes or executable memory
-  uint8_t files = 0;         ///< Landlock: no paths
+  int32_t limits_error = 0;    ///< setrlimit: memory, processor time, descriptors, size of files
+  int32_t seccomp_error = 0;   ///< no new files, sockets, processes or executable memory
+  int32_t landlock_error = 0;  ///< no paths
 };
 
 /// Confines the calling process, which has one thread so far, for good: it may go on to read and write what
-/// is open, and to take memory. Containers may forbid the one or the other layer.
+/// is open, and to take memory.
 Confinement confine_this_process();
+
+struct ConfinementLayer {
+  const char* name;     ///< "rlimits", "seccomp", "landlock"
+  std::string problem;  ///< why it is not in force; empty: it is
+};
+std::array<ConfinementLayer, 3> layers_of(const Confinement& confinement);
 
 }  // namespace fogbank::service

@@ -168,6 +168,11 @@ ReaderHost::~ReaderHost() {
   if (process_ > 0) ::waitpid(process_, nullptr, 0);
 }
 
+std::optional<Confinement> ReaderHost::confinement() const {
+  const std::lock_guard lock(confinement_mutex_);
+  return confinement_;
+}
+
 int ReaderHost::run_as_host(const Work& work) { return run_host(first_descriptor, work); }
 
 void ReaderHost::start_program() {
@@ -203,6 +208,8 @@ ReaderProcess ReaderHost::start_reader() {
       their_data.close();
       their_status.close();
       reader.confinement = reader.data.receive_value<Confinement>();
+      const std::lock_guard known(confinement_mutex_);
+      confinement_ = reader.confinement;
       return reader;
     } catch (const SocketClosed&) {  // the host was killed
     }

@@ -41,6 +41,10 @@ class ReaderHost {
   /// itself, started anew with `argument`. Thread-safe. Throws Error(internal, "NO_SCENE_READER").
   ReaderProcess start_reader();
 
+  /// How the reader that was started last is confined; nothing before the first. Thread-safe, and waits for
+  /// nothing.
+  std::optional<Confinement> confinement() const;
+
   /// The program's only argument when it is started as a host; `run_as_host` is all that it has to do then.
   static constexpr const char* argument = "--host-of-scene-readers";
   static int run_as_host(const Work& work);
@@ -51,6 +55,8 @@ class ReaderHost {
   std::mutex mutex_;
   Socket control_;
   pid_t process_ = -1;
+  mutable std::mutex confinement_mutex_;
+  std::optional<Confinement> confinement_;
 };
 
 }  // namespace fogbank::service

@@ -155,6 +155,35 @@ TEST(Segment, LiesWithRightChecksumsAreHarmless) {
     }
 }
 
+TEST(Segment, AFewBytesDoNotStandForManyRecords) {
+  // Half a gigabyte of records in a file of 10 kB: what someone would send to fill the memory.
+  constexpr uint32_t chunks = 130;
+  const std::string sealed = seal_segment(transport, {{{}, RecordSet({Record()})}}).bytes;
+  uint32_t header = 0;
+  std::memcpy(&header, sealed.data() + 12, sizeof(header));
+  const std::string entry = sealed.substr(header - 8 - 28, 28);
+  std::string bytes = sealed.substr(0, header - 8 - 28);
+  for (uint32_t i = 0; i < chunks; ++i) {
+    const size_t at = bytes.size() + 12;  // medium, light group, order, quantity, emission
+    bytes += entry;
+    std::memcpy(bytes.data() + at, &most_chunk_records, sizeof(most_chunk_records));
+  }
+  const uint64_t records = uint64_t{chunks} * most_chunk_records;
+  std::memcpy(bytes.data() + 48, &records, sizeof(records));
+  std::memcpy(bytes.data() + 60, &chunks, sizeof(chunks));
+  const auto header_bytes = static_cast<uint32_t>(bytes.size() + 8);
+  std::memcpy(bytes.data() + 12, &header_bytes, sizeof(header_bytes));
+  append_bytes(bytes, uint64_t{0});
+  for (uint32_t i = 0; i < chunks; ++i) bytes += sealed.substr(header, sealed.size() - header - 40);
+  bytes = resealed(bytes + sealed.substr(sealed.size() - 40));
+  try {
+    open_segment(bytes, "the file");
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_STREQ(error.what(), "the file: a chunk claims more records than it can hold");
+  }
+}
+
 TEST(Segment, RecordsThatAreNoRecordsAreRefused) {
   // An id more than numbers say is a record with other bytes; what validate() refuses is damage.
   Record record;

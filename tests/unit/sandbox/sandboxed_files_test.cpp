@@ -155,8 +155,30 @@ TEST(ReaderHost, ReadersCanReachNothing) {
     denied(::syscall(SYS_clone, SIGCHLD, nullptr, nullptr, nullptr, nullptr) < 0);
   });
   const ReaderProcess reader = host.start_reader();
-  if (reader.confinement.system_calls == 0) GTEST_SKIP() << "seccomp is not to be had here";
+  if (reader.confinement.seccomp_error != 0) GTEST_SKIP() << "seccomp is not to be had here";
   for (int i = 0; i < 7; ++i) EXPECT_EQ(reader.data.receive_value<uint8_t>(), 1) << i;
+}
+
+TEST(ReaderHost, SaysHowReadersAreConfined) {
+  ReaderHost host([](const Socket&) {});
+  EXPECT_FALSE(host.confinement());
+  const Confinement of_reader = host.start_reader().confinement;
+  const std::optional<Confinement> said = host.confinement();
+  ASSERT_TRUE(said);
+  EXPECT_EQ(said->limits_error, 0);
+  EXPECT_EQ(said->seccomp_error, of_reader.seccomp_error);
+  EXPECT_EQ(said->landlock_error, of_reader.landlock_error);
+}
+
+TEST(Confinement, LayersThatAreMissingSayWhy) {
+  const auto layers = layers_of({.limits_error = 0, .seccomp_error = EPERM, .landlock_error = ENOSYS});
+  ASSERT_EQ(layers.size(), 3u);
+  EXPECT_STREQ(layers[0].name, "rlimits");
+  EXPECT_EQ(layers[0].problem, "");
+  EXPECT_STREQ(layers[1].name, "seccomp");
+  EXPECT_EQ(layers[1].problem, "Operation not permitted");
+  EXPECT_STREQ(layers[2].name, "landlock");
+  EXPECT_EQ(layers[2].problem, "Function not implemented");
 }
 
 TEST(ReaderHost, IntrudersAreEnded) {
@@ -169,7 +191,7 @@ TEST(ReaderHost, IntrudersAreEnded) {
                                                     [] { ::kill(::getppid(), SIGKILL); }}) {
     ReaderHost host(misbehaving(misdeed));
     const ReaderProcess reader = host.start_reader();
-    if (reader.confinement.system_calls == 0) GTEST_SKIP() << "seccomp is not to be had here";
+    if (reader.confinement.seccomp_error != 0) GTEST_SKIP() << "seccomp is not to be had here";
     const std::optional<int> status = reader.wait_status();
     ASSERT_TRUE(status);
     EXPECT_TRUE(WIFSIGNALED(*status) && WTERMSIG(*status) == SIGSYS) << *status;
