@@ -33,15 +33,15 @@ test: build ## build, then every test: C++ units, fuzz targets, Python (clients,
 
 test-faults: build ## fault tests at full length: a table of test, figure, bound, verdict
 	@cmake --preset fuzz >/dev/null
-	@cmake --build --preset fuzz --parallel $(JOBS)
+	@cmake --build --preset fuzz-all --parallel $(JOBS)
 	@$(python) tests/faults/run.py
 
 test-farm: build ## the farm's tests at full length: lost workers, restarts, slow links; a table of figures
 	@$(python) -m pytest tests/farm -m "not soak"
 
-fuzz: setup ## fuzz targets for FUZZ_SECONDS (600) each: scenes, meshes, headers, caches, checkpoints; finds lie in out/fuzz
+fuzz: build ## fuzz targets for FUZZ_SECONDS (600) each: files, caches, checkpoints, requests; finds lie in out/fuzz
 	@cmake --preset fuzz >/dev/null
-	@cmake --build --preset fuzz --parallel $(JOBS)
+	@cmake --build --preset fuzz-all --parallel $(JOBS)
 	@$(python) tests/fuzz/run.py --seconds $(or $(FUZZ_SECONDS),600) --jobs $(JOBS)
 
 test-deploy: build ## deploy/ in earnest: the Dockerfile's steps in a Debian of their own, a job in Slurm; minutes, as root

@@ -14,11 +14,12 @@ import pytest
 from fogbank.paths import server_binary
 
 from tests.faults.conftest import FULL, Record
-from tests.fuzz.run import CORPUS, run
+from tests.fuzz.run import CORPUS, WHOLE_SERVER, run
 
 ROOT = Path(__file__).resolve().parents[2]
 TARGETS = ROOT / "build" / "fuzz" / "fuzz"
 MUTATIONS = 20_000
+MUTATIONS_OF_REQUESTS = 5_000  # several calls each, of the whole server
 PATH_TRAVERSALS = 40
 
 pytestmark = pytest.mark.skipif(not FULL, reason="make test runs these programs by themselves")
@@ -29,11 +30,12 @@ def test_mutated_files(tmp_path: Path, record: Record, target: str) -> None:
     """With AddressSanitizer and UndefinedBehaviorSanitizer: refused, or read back the same."""
     if not (TARGETS / target).exists():
         pytest.skip("NOT TESTED: the fuzz targets are not built (make test-faults builds them)")
-    outcome = run(TARGETS / target, [f"-runs={MUTATIONS}", "-seed=1"], tmp_path)
-    record(f"mutations of {target}", -outcome.inputs, -MUTATIONS)
+    mutations = MUTATIONS_OF_REQUESTS if target in WHOLE_SERVER else MUTATIONS
+    outcome = run(TARGETS / target, [f"-runs={mutations}", "-seed=1"], tmp_path)
+    record(f"mutations of {target}", -outcome.inputs, -mutations)
     record("deaths, or differences in silence", not outcome.passed, 0)
     assert outcome.passed, outcome.output[-6000:]
-    assert outcome.inputs >= MUTATIONS
+    assert outcome.inputs >= mutations
 
 
 def test_path_traversals(record: Record) -> None:

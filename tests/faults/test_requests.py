@@ -1,10 +1,12 @@
-"""Requests that no client of ours makes: every rpc with every field at its worst. Fault F3.
+"""Requests that no client of ours makes: every rpc with every field at its worst, and the corpus of the fuzz target
+`request`. Fault F3.
 
 Whatever a field says, an answer is a canonical code with a reason, never INTERNAL, and the server goes on.
 """
 
 from __future__ import annotations
 
+import io
 import random
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,12 +14,14 @@ from typing import Any, cast
 
 import grpc
 import pytest
-from fogbank._generated.v1 import cache_pb2, flatland_pb2, probe_pb2, render_pb2, scene_pb2, server_pb2
+from fogbank._generated.v1 import cache_pb2, farm_pb2, flatland_pb2, probe_pb2, render_pb2, scene_pb2, server_pb2
+from google.protobuf import proto
 from google.protobuf.descriptor import FieldDescriptor, MethodDescriptor
 from google.protobuf.message import Message
 from google.protobuf.message_factory import GetMessageClass
 
 from tests.faults.conftest import FULL, Record
+from tests.fuzz.run import CORPUS
 from tests.service.harness import Server, error_info, fog_scene, new_request_id
 
 REQUESTS = 300 if FULL else 12  # of each rpc
@@ -27,7 +31,7 @@ MOST_ANSWERS = 3  # of a stream
 
 METHODS = [
     method
-    for module in (cache_pb2, flatland_pb2, probe_pb2, render_pb2, scene_pb2, server_pb2)
+    for module in (cache_pb2, farm_pb2, flatland_pb2, probe_pb2, render_pb2, scene_pb2, server_pb2)
     for service in module.DESCRIPTOR.services_by_name.values()
     for method in service.methods
 ]
@@ -115,6 +119,21 @@ def call(channel: grpc.Channel, method: MethodDescriptor, requests: list[Message
         answer.cancel()
 
 
+def wrong_answer(server: Server, method: MethodDescriptor, requests: list[Message]) -> list[str]:
+    """What is wrong with the answer, if anything."""
+    try:
+        call(server.channel, method, requests)
+    except grpc.RpcError as error:
+        assert isinstance(error, grpc.Call)
+        code = error.code()
+        if code in (grpc.StatusCode.INTERNAL, grpc.StatusCode.UNKNOWN, grpc.StatusCode.UNAVAILABLE):
+            return [f"{method.full_name}: {error} for {requests}"[:2000]]
+        if code not in (grpc.StatusCode.DEADLINE_EXCEEDED, grpc.StatusCode.CANCELLED):
+            assert error_info(error).reason
+    assert server.process.poll() is None, f"{method.full_name} for {requests}"[:4000]
+    return []
+
+
 @pytest.fixture
 def own(tmp_path: Path) -> Iterator[Server]:
     """A server with little memory, so that nothing that is asked of it takes much."""
@@ -141,18 +160,7 @@ def test_mutated_requests(own: Server, record: Record) -> None:
                 mutator.message(request)
                 requests.append(request)
             calls += 1
-            try:
-                call(own.channel, method, requests)
-            except grpc.RpcError as error:
-                assert isinstance(error, grpc.Call)
-                code = error.code()
-                if code in (grpc.StatusCode.DEADLINE_EXCEEDED, grpc.StatusCode.CANCELLED):
-                    continue
-                if code in (grpc.StatusCode.INTERNAL, grpc.StatusCode.UNKNOWN, grpc.StatusCode.UNAVAILABLE):
-                    wrong.append(f"{method.full_name}: {error} for {requests}"[:2000])
-                else:
-                    assert error_info(error).reason
-            assert own.process.poll() is None, f"{method.full_name} for {requests}"[:4000]
+            wrong += wrong_answer(own, method, requests)
         for running in own.render.ListJobs(render_pb2.ListJobsRequest(page_size=200)).jobs:
             own.render.CancelJob(render_pb2.CancelJobRequest(name=running.name))
         if created.name not in {s.name for s in own.scenes.ListScenes(scene_pb2.ListScenesRequest()).scenes}:
@@ -161,3 +169,47 @@ def test_mutated_requests(own: Server, record: Record) -> None:
     record("rpcs", -len(METHODS), -25)
     record("answers INTERNAL or UNKNOWN", len(wrong), 0)
     assert not wrong, wrong[:5]
+
+
+@pytest.mark.timeout(600)
+def test_corpus_of_requests(own: Server, record: Record) -> None:
+    created = own.create_scene(fog_scene(width=8, height=8))
+    small = render_pb2.RenderSettings(width=8, height=8, samples_per_pixel=1)
+    ended = own.create_job(created.name, small).name
+    own.finish(ended)
+    methods = {f"{method.containing_service.full_name}/{method.name}": method for method in METHODS}
+    build = own.server.GetCapabilities(server_pb2.GetCapabilitiesRequest()).build_id
+    wrong: list[str] = []
+    seen: set[MethodDescriptor] = set()
+    inputs = sorted((CORPUS / "request").iterdir())
+    for path in inputs:
+        leased = own.create_job(created.name, small, leased=True).name
+        # Of the same lengths: tests/fuzz/request_call.h.
+        data = path.read_bytes()
+        for digit, name in (
+            ("2" * 64, created.name),
+            ("3" * 64, created.cache),
+            ("4" * 64, own.upload(b"x" * 100)),
+            ("5" * 24, ended),
+            ("1" * 24, leased),
+            ("7" * 16, build),
+            ("8" * 16, new_request_id()[:16]),
+        ):
+            data = data.replace(digit.encode(), name.rpartition("/")[2].encode())
+        line, _, rest = data.partition(b"\n")
+        method = methods[line.decode()]
+        seen.add(method)
+        stream = io.BytesIO(rest)
+        requests: list[Message] = []
+        while (request := proto.parse_length_prefixed(GetMessageClass(method.input_type), stream)) is not None:
+            requests.append(request)
+        wrong += wrong_answer(own, method, requests)
+        for running in own.render.ListJobs(render_pb2.ListJobsRequest(page_size=200)).jobs:
+            if running.name != ended:
+                own.render.CancelJob(render_pb2.CancelJobRequest(name=running.name))
+        if created.name not in {s.name for s in own.scenes.ListScenes(scene_pb2.ListScenesRequest()).scenes}:
+            own.create_scene(fog_scene(width=8, height=8))
+    record("inputs of the corpus of requests", -len(inputs), -len(METHODS))
+    record("answers INTERNAL or UNKNOWN to them", len(wrong), 0)
+    assert not wrong, wrong[:5]
+    assert not {method.full_name for method in METHODS} - {method.full_name for method in seen}
