@@ -15,6 +15,7 @@ FULL = os.environ.get("FOGBANK_FAULTS") == "full"
 """As `make test-faults` runs them; else a short part of each test."""
 
 ROWS = os.environ.get("FOGBANK_FAULT_ROWS")
+"""File that rows are added to as they come, a line each, for run.py: a run that is ended early has a table, too."""
 
 Row = tuple[str, str, float, float]
 """Test, figure, value, bound."""
@@ -36,7 +37,11 @@ def record(request: pytest.FixtureRequest) -> Record:
     """
 
     def add(what: str, figure: float, bound: float) -> None:
-        request.config.stash[_FIGURES].append((request.node.name, what, figure, bound))
+        row = (request.node.name, what, figure, bound)
+        request.config.stash[_FIGURES].append(row)
+        if ROWS:
+            with Path(ROWS).open("a") as file:
+                file.write(json.dumps(row) + "\n")
 
     return add
 
@@ -51,11 +56,9 @@ def table(rows: Sequence[Row]) -> list[str]:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
-    """Prints the table, or leaves its rows in the file that run.py wants them in."""
+    """Prints the table, unless run.py does."""
     rows = config.stash[_FIGURES]
-    if ROWS:
-        Path(ROWS).write_text(json.dumps(rows))
-    elif rows:
+    if rows and not ROWS:
         terminalreporter.section("faults")
         for line in table(rows):
             terminalreporter.write_line(line)

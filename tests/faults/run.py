@@ -2,14 +2,15 @@
 
     .venv/bin/python tests/faults/run.py
 
-Prints what failed and one table: test, figure, bound, verdict. Exit status 1 if anything failed.
+Prints what failed, what took longest, and one table: test, figure, bound, verdict. Exit status 1 if anything failed;
+ended by SIGTERM or Ctrl-C it prints the table as far as it has come.
 """
 
 from __future__ import annotations
 
-import concurrent.futures
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -22,11 +23,13 @@ ROOT = FOLDER.parents[1]
 FIRST_LANE = ["test_failpoints.py", "test_store.py", "test_inputs.py"]
 
 
-def run(lane: list[str], rows: Path) -> subprocess.CompletedProcess[str]:
+def begin(lane: list[str], rows: Path, output: Path) -> subprocess.Popen[bytes]:
     """Some of the files, one after the other; their figures go to `rows`."""
     environment = {**os.environ, "FOGBANK_FAULTS": "full", "FOGBANK_FAULT_ROWS": str(rows)}
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *(str(FOLDER / name) for name in lane)]
-    return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    options = ["-q", "-p", "no:cacheprovider", "--durations=6", "--durations-min=20"]
+    command = [sys.executable, "-m", "pytest", *options, *(str(FOLDER / name) for name in lane)]
+    with output.open("wb") as file:
+        return subprocess.Popen(command, cwd=ROOT, env=environment, stdout=file, stderr=file)
 
 
 def main() -> int:
@@ -36,15 +39,26 @@ def main() -> int:
 
     start = time.monotonic()
     second_lane = sorted(path.name for path in FOLDER.glob("test_*.py") if path.name not in FIRST_LANE)
-    with tempfile.TemporaryDirectory() as folder, concurrent.futures.ThreadPoolExecutor(2) as pool:
-        files = [Path(folder) / "first", Path(folder) / "second"]
-        lanes = list(pool.map(run, (FIRST_LANE, second_lane), files))
-        rows = [row for file in files if file.exists() for row in json.loads(file.read_text())]
-    for lane in lanes:
-        print(lane.stdout if lane.returncode else lane.stdout.rstrip().rpartition("\n")[2])
-    print("\n".join(table(rows)))
-    print(f"fault tests took {time.monotonic() - start:.0f} s")
-    return 1 if any(lane.returncode for lane in lanes) else 0
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        lanes = [
+            begin(lane, folder / f"rows-{number}", folder / f"output-{number}")
+            for number, lane in enumerate((FIRST_LANE, second_lane))
+        ]
+        try:
+            codes = [lane.wait() for lane in lanes]
+        finally:
+            for lane in lanes:
+                if lane.poll() is None:
+                    lane.send_signal(signal.SIGINT)  # fixtures end their servers
+                    lane.wait()
+            for path in sorted(folder.glob("output-*")):
+                print(path.read_text(errors="replace"))
+            lines = [line for path in sorted(folder.glob("rows-*")) for line in path.read_text().splitlines()]
+            print("\n".join(table([json.loads(line) for line in lines])))
+            print(f"fault tests took {time.monotonic() - start:.0f} s", flush=True)
+    return 1 if any(codes) else 0
 
 
 if __name__ == "__main__":
