@@ -19,7 +19,7 @@ from tests.fuzz.run import CORPUS, WHOLE_SERVER, run
 ROOT = Path(__file__).resolve().parents[2]
 TARGETS = ROOT / "build" / "fuzz" / "fuzz"
 MUTATIONS = 20_000
-MUTATIONS_OF_REQUESTS = 5_000  # several calls each, of the whole server
+MUTATIONS_OF_REQUESTS = 1_000  # several calls each, of the whole server
 PATH_TRAVERSALS = 40
 
 pytestmark = pytest.mark.skipif(not FULL, reason="make test runs these programs by themselves")
