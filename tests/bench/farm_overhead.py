@@ -35,7 +35,7 @@ class Spent:
     """Wall clock."""
 
     cpu_seconds: dict[str, float]
-    """By kind of process: "client" (this one, with Dask's scheduler), "servers", "workers"."""
+    """By kind of process: "Python" (this one, with Dask's scheduler and workers), "servers"."""
 
     image: fogbank.Image
     """The picture."""
@@ -44,10 +44,10 @@ class Spent:
 def cpu_by_kind() -> dict[str, float]:
     """CPU seconds so far of this process and of all below it."""
     this = psutil.Process()
-    totals = {"client": sum(this.cpu_times()[:2]), "servers": 0.0, "workers": 0.0}
+    totals = {"Python": sum(this.cpu_times()[:2]), "servers": 0.0}
     for child in this.children(recursive=True):
         times = child.cpu_times()
-        totals["servers" if child.name() == "fogbankd" else "workers"] += times.user + times.system
+        totals["servers"] += times.user + times.system
     return totals
 
 

@@ -59,10 +59,11 @@ def test_a_farm_makes_the_pictures_of_one_machine(
 def test_records_that_are_there_are_sent(service: fogbank.Service, cluster: Client, tmp_path: Path) -> None:
     path = write_scene(tmp_path / "scene")
     scene = service.load(path)
-    for _ in range(2):
-        job = farm.render(scene, cluster, **RECORDS)
-        image = job.result()
-        job.join_farm()
+    with farm.Farm(cluster) as workers:
+        for _ in range(2):
+            job = workers.render(scene, **RECORDS)
+            image = job.result()
+            job.join_farm()
     with fogbank.connect(data=tmp_path / "alone", threads=2) as other:
         same = other.load(path)
         same.render(**RECORDS).wait()
@@ -133,8 +134,8 @@ def test_a_worker_of_another_build_is_refused(
 ) -> None:
     begin = Coordinator.__init__
 
-    def other_build(self: Coordinator, *arguments: object, build_id: str) -> None:
-        begin(self, *arguments, build_id="another")  # type: ignore[arg-type]
+    def other_build(self: Coordinator, *arguments: object, costs: Costs, build_id: str) -> None:
+        begin(self, *arguments, costs=costs, build_id="another")  # type: ignore[arg-type]
 
     monkeypatch.setattr(Coordinator, "__init__", other_build)
     job = farm.render(service.load(write_scene(tmp_path / "scene")), cluster, **PATHS)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import fogbank
 import pytest
-from distributed import Client, Worker
+from distributed import Client, LocalCluster, Worker
 from fogbank import RenderOptions, farm
 from fogbank._generated.v1 import farm_pb2
 from fogbank.channel import Connection
@@ -62,10 +62,26 @@ def test_any_number_of_workers(
     assert_same_pictures(image, expected(options).image)
 
 
-@workers(4)
+@pytest.fixture
+def processes(tmp_path: Path) -> Iterator[Client]:
+    """Four workers that are processes, each looked after by another one."""
+    with (
+        LocalCluster(
+            n_workers=4,
+            threads_per_worker=1,
+            host="127.0.0.1",
+            dashboard_address=None,
+            local_directory=str(tmp_path / "workers"),
+            silence_logs=50,
+        ) as cluster,
+        Client(cluster, set_as_default=False) as client,
+    ):
+        yield client
+
+
 def test_a_worker_killed_every_two_seconds(
     service: fogbank.Service,
-    cluster: Client,
+    processes: Client,
     tmp_path: Path,
     expected: Expected,
     options: RenderOptions,
@@ -73,10 +89,10 @@ def test_a_worker_killed_every_two_seconds(
 ) -> None:
     done = threading.Event()
     killed: list[int] = []
-    killer = threading.Thread(target=kill_workers, args=(cluster, done, killed))
+    killer = threading.Thread(target=kill_workers, args=(processes, done, killed))
     killer.start()
     try:
-        job = farm.render(service.load(write_scene(tmp_path / "scene")), cluster, **options)
+        job = farm.render(service.load(write_scene(tmp_path / "scene")), processes, **options)
         image = job.result()
     finally:
         done.set()
@@ -86,7 +102,7 @@ def test_a_worker_killed_every_two_seconds(
     record("workers killed", len(killed), "")
     record("batches", job.farm.batches, "")
     record("batches that Dask gave up and were repeated", job.farm.lost, "")
-    cluster.wait_for_workers(4)
+    processes.wait_for_workers(4)
 
 
 def kill_workers(client: Client, done: threading.Event, killed: list[int]) -> None:

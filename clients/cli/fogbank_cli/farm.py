@@ -111,16 +111,16 @@ def sweep(
 
         report_cluster(client, output)
         loaded = choice.load(service, output)
-        limits = cluster.worker_limits
-        render_sweep(
-            choice,
-            loaded,
-            service,
-            output,
-            options,
-            start=lambda frame: farm.render(loaded, client, **limits, **frame),
-            fill_events=lambda cameras, **fill: farm.fill_events(loaded, client, cameras, **limits, **fill),
-        )
+        with farm.Farm(client, **cluster.worker_limits) as workers:
+            render_sweep(
+                choice,
+                loaded,
+                service,
+                output,
+                options,
+                start=lambda frame: workers.render(loaded, **frame),
+                fill_events=lambda cameras, **fill: workers.fill_events(loaded, cameras, **fill),
+            )
 
 
 @farm.command()

@@ -14,11 +14,13 @@ require_extra()
 
 from fogbank.farm.cluster import SchedulerTls, kubernetes_cluster, local_cluster, scheduler_client, slurm_cluster  # noqa: E402
 from fogbank.farm.errors import FarmError  # noqa: E402
-from fogbank.farm.farm_job import FarmJob, WorkerLimits, fill_events, render  # noqa: E402
+from fogbank.farm.farm import Farm, WorkerLimits, fill_events, render  # noqa: E402
+from fogbank.farm.farm_job import FarmJob  # noqa: E402
 from fogbank.farm.statistics import FarmStatistics  # noqa: E402
 from fogbank.farm.status import FarmStatus, WorkerStatus, farm_status  # noqa: E402
 
 __all__ = [
+    "Farm",
     "FarmError",
     "FarmJob",
     "FarmStatistics",

@@ -62,8 +62,8 @@ class SchedulerTls:
 def local_cluster(workers: int, *, threads: int = 1, memory_bytes: int | None = None) -> Iterator[Client]:
     """Workers on this machine, which end with the context.
 
-    They talk by TLS with certificates made for the occasion: on a port without it every user of the machine could run
-    what they like as this one.
+    Each has a server of its own, which is what renders; what hands it its tasks are threads of this process. They
+    listen on no port: whoever reached one could run what they like as this user.
 
     Args:
         workers: processes.
@@ -71,13 +71,12 @@ def local_cluster(workers: int, *, threads: int = 1, memory_bytes: int | None = 
         memory_bytes: most memory of each one's engine; an equal part of the machine's when None.
     """
     with (
-        dask.config.set(_WORKER_SETTINGS),
+        dask.config.set({**_WORKER_SETTINGS, "distributed.dashboard.link": "http://127.0.0.1:{port}/status"}),
         LocalCluster(
             n_workers=workers,
             threads_per_worker=threads,
             memory_limit=memory_bytes or "auto",
-            security=Security.temporary(),
-            host="127.0.0.1",
+            processes=False,
             dashboard_address="127.0.0.1:0",
             local_directory=str(cache_folder() / "farm"),
             silence_logs=40,

@@ -14,8 +14,6 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TypeAlias
 
-from distributed import Future
-
 from fogbank._generated.v1 import farm_pb2, render_pb2
 from fogbank.channel import Connection
 from fogbank.farm.coordination import JobEnded, Leases, TaskNumber, hand_in
@@ -53,7 +51,14 @@ class Coordinator:
     """One job's tasks on a crew of workers; `run` returns when the job has ended, however it ends."""
 
     def __init__(
-        self, connection: Connection, job: render_pb2.Job, scene: SceneParcel, crew: Crew, *, build_id: str
+        self,
+        connection: Connection,
+        job: render_pb2.Job,
+        scene: SceneParcel,
+        crew: Crew,
+        *,
+        costs: Costs,
+        build_id: str,
     ) -> None:
         """Takes over a leased job.
 
@@ -62,6 +67,7 @@ class Coordinator:
             job: as CreateJob answered.
             scene: its files.
             crew: the workers.
+            costs: of such tasks, as far as they are known; learns from this job.
             build_id: of the coordinating server.
         """
         self.statistics = FarmStatistics(scene_bytes=scene.bytes)
@@ -70,7 +76,7 @@ class Coordinator:
         self._scene = scene
         self._crew = crew
         self._build_id = build_id
-        self._costs = Costs()
+        self._costs = costs
         self._events: queue.Queue[_Event] = queue.Queue()
         self._leasing = False
         self._log: JobLog | None = None
@@ -78,7 +84,6 @@ class Coordinator:
         self._running: dict[str, RunningBatch] = {}
         self._wanted: dict[TaskNumber, farm_pb2.LeasedTask] = {}
         self._deaths: Counter[TaskNumber] = Counter()
-        self._has_scene: set[str] = set()
         self._log_lengths: dict[str, int] = {}
         self._looked = 0.0
 
@@ -199,12 +204,8 @@ class Coordinator:
         good = self._crew.good
         behind = min((self._log_lengths.get(worker, 0) for worker in good), default=0)
         client = self._crew.client
-        log = self._log.futures(client, behind)
-        files: list[Future[object]] = []
-        if self._has_scene.issuperset(good):
-            self._scene.release()
-        else:
-            files = self._scene.futures(client)
+        log = self._log.segments(client, behind)
+        files = self._scene.futures(client, good)
         future = client.submit(
             perform, batch, log, files, key=f"fogbank_{number}", pure=False, workers=workers or self._crew.allowed()
         )
@@ -253,9 +254,9 @@ class Coordinator:
         """Takes note of what the worker has, and of what its tasks cost."""
         worker = result.worker
         if result.lacks == "scene":
-            self._has_scene.discard(worker)
+            self._scene.holders.discard(worker)
         elif result.refusal is None:
-            self._has_scene.add(worker)
+            self._scene.holders.add(worker)
             self._log_lengths[worker] = result.log_length
         elif result.refusal.reason in ("BUILD_MISMATCH", "REPLICA_DIVERGED"):
             self._set_aside(worker, result.refusal.message)
@@ -310,6 +311,7 @@ class Coordinator:
     def _look_around(self, now: float) -> None:
         """Counts workers; when nothing is left to hand out, gives what takes too long to one that has nothing to do."""
         self._crew.count()
+        self._crew.expect_good()
         late = [running for running in self._running.values() if running.late(now, self._costs)]
         if self._stage.pending or not late:
             return

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from distributed import Client, Future
 from distributed.client import ClosedClientError
+from distributed.deploy.cluster import Cluster
 
 from fogbank.farm.errors import FarmError
 from fogbank.farm.parcels import BatchResult
@@ -26,22 +28,23 @@ _RETRY_SECONDS = 1.0
 
 
 class Crew:
-    """Who may be given batches.
+    """Who may be given batches, by one job or several at once.
 
     Attributes:
         client: to the scheduler; another one after the scheduler was lost for long.
     """
 
-    def __init__(self, client: Client, plugin: FarmPlugin) -> None:
-        """Registers the plugin with all workers, present and future ones."""
-        self.client = client
+    def __init__(self, cluster: Client | Cluster, plugin: FarmPlugin) -> None:
+        """Registers the plugin with all workers, present and future ones. A cluster gets a client."""
+        self._own_client = not isinstance(cluster, Client)
+        self.client = cluster if isinstance(cluster, Client) else Client(cluster, set_as_default=False)
         self._plugin = plugin
-        self._own_client = False
-        self._address = client.scheduler_info()["address"]
-        self._security = client.security
+        self._address = self.client.scheduler_info()["address"]
+        self._security = self.client.security
+        self._reconnecting = threading.Lock()
         self._threads: dict[str, int] = {}
         self._aside: dict[str, str] = {}
-        client.register_plugin(plugin)
+        self.client.register_plugin(plugin)
         self.count()
 
     def count(self) -> None:
@@ -61,11 +64,15 @@ class Crew:
 
     def set_aside(self, worker: str, why: str) -> None:
         """Gives a worker no more batches. FarmError when that leaves none."""
-        if worker in self._aside:
-            return
-        self._aside[worker] = why
-        _log.warning("worker %s is set aside: %s", worker, why)
+        if worker not in self._aside:
+            _log.warning("worker %s is set aside: %s", worker, why)
+            self._aside[worker] = why
+        self.expect_good()
+
+    def expect_good(self) -> None:
+        """FarmError when there are workers and all of them are set aside."""
         if self._threads and not self.good:
+            worker, why = list(self._aside.items())[-1]
             raise FarmError(f"no worker is left; the last one, {worker}, was set aside: {why}", reason="NO_WORKERS")
 
     def allowed(self) -> list[str] | None:
@@ -74,10 +81,12 @@ class Crew:
 
     def gather(self, futures: Mapping[str, Future[BatchResult]]) -> dict[str, BatchResult]:
         """Results of finished batches, by the same keys; those that were lost with their worker are missing."""
-        if not futures:
+        # Those of a client before are lost with it.
+        known = {key: future for key, future in futures.items() if future.client is self.client}
+        if not known:
             return {}
         try:
-            return dict(self.client.gather(dict(futures), errors="skip"))
+            return dict(self.client.gather(known, errors="skip"))
         except SCHEDULER_ERRORS:
             return {}
 
@@ -100,6 +109,10 @@ class Crew:
 
     def reconnect(self) -> None:
         """Waits for the scheduler to be there, again or anew. FarmError after PATIENCE_SECONDS."""
+        with self._reconnecting:
+            self._reconnect()
+
+    def _reconnect(self) -> None:
         end = time.monotonic() + PATIENCE_SECONDS
         while True:
             try:

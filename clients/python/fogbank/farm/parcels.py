@@ -69,6 +69,11 @@ class LogSegment:
         """Index after the last one."""
         return self.first + len(self.entries)
 
+    @property
+    def size(self) -> int:
+        """Bytes of its entries."""
+        return sum(map(len, self.entries))
+
 
 @dataclass(frozen=True)
 class FilePiece:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from distributed import Client, Future
 
@@ -16,7 +16,11 @@ _PIECE_BYTES = 4 << 20
 
 
 class SceneParcel:
-    """Hands the files to Dask, named by their contents, for as long as a worker may lack them."""
+    """Hands the files to Dask, named by their contents, for as long as a worker may lack them.
+
+    Attributes:
+        holders: addresses of workers whose servers are known to have the scene.
+    """
 
     def __init__(self, scene: Scene) -> None:
         """FarmError for a scene whose files are not on this machine."""
@@ -28,16 +32,22 @@ class SceneParcel:
         self._source = scene.source
         self.manifest = scene.source.manifest.SerializeToString()
         self.bytes = scene.statistics.file_bytes
+        self.holders: set[str] = set()
         self._futures: list[Future[object]] = []
 
-    def futures(self, client: Client) -> list[Future[object]]:
-        """All pieces, in order; they stay with Dask until `release`."""
-        if not self._futures:
-            self._futures = [
+    def futures(self, client: Client, workers: Iterable[str]) -> list[Future[object]]:
+        """All pieces, in order, which stay with Dask; none, and Dask forgets them, once all these workers have them."""
+        if self.holders.issuperset(workers):
+            self.release()
+            return []
+        futures = self._futures
+        if not futures:
+            futures = [
                 client.submit(hold, piece, key=f"fogbank_file-{piece.sha256}-{piece.offset}")
                 for piece in self._pieces()
             ]
-        return self._futures
+            self._futures = futures
+        return futures
 
     def release(self) -> None:
         """Lets Dask forget the files."""
