@@ -185,6 +185,19 @@ def test_a_sweep_can_fill_ahead(
     assert len(fake.create_job_requests) == 4
 
 
+@pytest.mark.parametrize("fill", ["first", "ahead"])
+def test_the_number_of_records_is_the_fills_affair(
+    events: Events, scene_path: Path, tmp_path: Path, fake: FakeServer, fill: str
+) -> None:
+    pattern = tmp_path / "%d.exr"
+    arguments = ("sweep", scene_path, "--orbit", 2, "-o", pattern, "--integrator", CACHED)
+    status, _ = events(*arguments, "--fill", fill, "--records", 1000)
+    assert status == ExitCode.OK
+    assert fake.caches.fill_requests[0].settings.records == 1000
+    # The server refuses it of jobs that only read.
+    assert not any(request.settings.HasField("records") for request in fake.create_job_requests)
+
+
 def test_a_sweep_without_a_cache_only_renders(
     events: Events, scene_path: Path, tmp_path: Path, fake: FakeServer
 ) -> None:

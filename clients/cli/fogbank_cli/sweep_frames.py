@@ -159,7 +159,7 @@ def render_sweep(
         if wanted == "first":
             report = make_records(path)
             tell_filled(cache, report, output)
-            options["epoch"] = report.epoch
+            options = _reading(options, report.epoch)
         frames = ((frame, options) for frame in todo)
     render_frames(start, frames, output, totals, in_flight=choice.in_flight, exposure=choice.exposure)
     output.event("done", **vars(totals))
@@ -188,7 +188,14 @@ def _filled_ahead(
             return
         report = make_records([camera])
         if waiting[0].number == number:
-            yield waiting.popleft(), RenderOptions(**{**options, "epoch": report.epoch})
+            yield waiting.popleft(), _reading(options, report.epoch)
+
+
+def _reading(options: RenderOptions, epoch: int) -> RenderOptions:
+    """Those of frames that make no records of their own: how many there may be was the fill's affair."""
+    chosen = RenderOptions(**{**options, "epoch": epoch})
+    chosen.pop("records", None)
+    return chosen
 
 
 @dataclass(frozen=True)
