@@ -145,13 +145,19 @@ def measure(scene: Path, options: dict[str, Any]) -> dict[str, Any]:
 
     import fogbank
     import psutil
+    from distributed import LocalCluster
     from fogbank import farm
 
     with tempfile.TemporaryDirectory() as folder:
         with fogbank.connect(data=Path(folder) / "alone", threads=1) as service:
             alone = service.load(scene).render(threads=1, **options)
             alone.wait()
-        with fogbank.connect(data=Path(folder) / "farm") as service, farm.local_cluster(1) as client:
+        with (
+            fogbank.connect(data=Path(folder) / "farm") as service,
+            # A process of its own, unlike those of farm.local_cluster: what it spends is not the coordinator's.
+            LocalCluster(n_workers=1, threads_per_worker=1, host="127.0.0.1", dashboard_address=None) as cluster,
+            farm.scheduler_client(cluster.scheduler_address) as client,
+        ):
             scene_here = service.load(scene)
             server = psutil.Process(service.server_process_id)
             began, spent = time.monotonic(), _busy(server)
