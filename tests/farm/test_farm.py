@@ -8,10 +8,12 @@ from pathlib import Path
 
 import fogbank
 import pytest
-from distributed import Client
+from distributed import Client, Future
 from fogbank import RenderOptions, farm
 from fogbank.farm.coordinator import Coordinator
 from fogbank.farm.costs import BATCH_SECONDS, HANDLING_SECONDS, Costs
+from fogbank.farm.job_log import JobLog
+from fogbank.farm.parcels import LogSegment
 
 from tests.farm.conftest import Expected, Record
 from tests.farm.scenes import BEAMS, PATHS, RECORDS, assert_same_pictures, write_scene
@@ -74,6 +76,18 @@ def test_records_that_are_there_are_sent(service: fogbank.Service, cluster: Clie
     assert job.statistics.records_reused == expected.statistics.records_reused > 0
     assert job.statistics.records_new == expected.statistics.records_new
     assert job.farm.records == job.statistics.records_reused + job.statistics.records_new
+
+
+def test_large_entries_of_a_log_travel_by_themselves(service: fogbank.Service, cluster: Client) -> None:
+    log = JobLog(service.connection, "jobs/any", "any")
+    large, small = LogSegment(0, (bytes(100_000),)), LogSegment(1, (b"a", b"b"))
+    log._segments = [large, small]
+    first, second = log.segments(cluster, 0)
+    assert isinstance(first, Future)
+    assert first.result() == large
+    assert second is small
+    assert log.segments(cluster, 1) == log.segments(cluster, 2) == [small]
+    assert log.segments(cluster, 3) == []
 
 
 def test_a_farm_fills_the_cache_of_one_machine(service: fogbank.Service, cluster: Client, tmp_path: Path) -> None:
