@@ -19,7 +19,7 @@ from pathlib import Path
 import fogbank
 import pandas as pd
 from fogbank.comparison import BUDGETS, SEEDS, machine
-from fogbank.comparison.analysis import choose_base, curve, levels, seconds_to
+from fogbank.comparison.analysis import choose_base, cost_at, curve, levels
 from fogbank.comparison.comparison import Comparison
 from fogbank.comparison.plots import error_plots
 
@@ -95,7 +95,7 @@ def table(found: dict[str, Comparison]) -> list[str]:
     ]
     for name, item in found.items():
         means = item.summary
-        reached = [level for level in levels(means) if seconds_to(curve(means, base, "cpu_seconds"), level)]
+        reached = [level for level in levels(means) if cost_at(curve(means, base, "cpu_seconds"), level)]
         if not reached:
             lines.append(f"| {name} | - |" + f" {base} has no picture |" + " |" * (len(methods) - 1))
             continue
@@ -106,11 +106,11 @@ def table(found: dict[str, Comparison]) -> list[str]:
 
 def cells_of(means: pd.DataFrame, methods: Sequence[str], base: str, level: float) -> list[str]:
     """Seconds of each method, and by those of the base."""
-    mine = seconds_to(curve(means, base, "cpu_seconds"), level)
+    mine = cost_at(curve(means, base, "cpu_seconds"), level)
     cells = []
     for method in methods:
         points = curve(means, method, "cpu_seconds")
-        seconds = seconds_to(points, level)
+        seconds = cost_at(points, level)
         if not points:
             cells.append("not run")
         elif seconds is None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from fogbank.comparison import image_error
-from fogbank.comparison.analysis import seconds_to
+from fogbank.comparison.analysis import cost_at
 from fogbank.comparison.denoise import denoise
 from fogbank.comparison.exr_writer import write_exr
 
@@ -116,7 +116,7 @@ def measure(case: Case, threads: int) -> dict[str, Any]:
 
 def cpu_seconds_to(lines: list[dict[str, Any]], method: str, error: float) -> float | None:
     """CPU seconds to a trimmed relative MSE; None: not reached."""
-    return seconds_to([(line["cpu_seconds"], line["trimmed"]) for line in lines if line["method"] == method], error)
+    return cost_at([(line["cpu_seconds"], line["trimmed"]) for line in lines if line["method"] == method], error)
 
 
 def table(results: list[dict[str, Any]]) -> str:

@@ -31,14 +31,14 @@ def rows(times: pd.DataFrame) -> dict[tuple[float, str], dict[Any, Any]]:
     return {(row["error"], row["method"]): row for row in times.to_dict("records")}
 
 
-def test_seconds_to_an_error() -> None:
+def test_cost_of_an_error() -> None:
     """By the power law between points, at the points, before the first and beyond the last."""
-    assert analysis.seconds_to(LINE, 4e-3) == pytest.approx(2.5)
-    assert analysis.seconds_to(LINE[::-1], 5e-3) == 2
-    assert analysis.seconds_to(LINE, 0.1) == 1
-    assert analysis.seconds_to(LINE, 1e-3) is None
-    assert analysis.seconds_to([], 1e-3) is None
-    assert analysis.seconds_to([(1.0, 1e-2), (2.0, -1e-6)], 1e-3) == 2
+    assert analysis.cost_at(LINE, 4e-3) == pytest.approx(2.5)
+    assert analysis.cost_at(LINE[::-1], 5e-3) == 2
+    assert analysis.cost_at(LINE, 0.1) == 1
+    assert analysis.cost_at(LINE, 1e-3) is None
+    assert analysis.cost_at([], 1e-3) is None
+    assert analysis.cost_at([(1.0, 1e-2), (2.0, -1e-6)], 1e-3) == 2
 
 
 def test_summary_is_of_seeds_and_leaves_failures_out() -> None:
@@ -67,20 +67,20 @@ def test_times_and_ratios() -> None:
     runs.append(run("b", 0.1, 0.3))
     means = analysis.summary(analysis.table(runs))
     assert analysis.levels(means) == [0.2, 0.1, 0.05, 0.02, 0.01, 0.005]
-    times = rows(analysis.time_to_error(means, ["a", "b"], "a", "wall_seconds"))
+    times = rows(analysis.cost_to_error(means, ["a", "b"], "a", "wall_seconds"))
     assert times[0.005, "b"]["ratio"] == pytest.approx(3)
-    assert times[0.005, "a"]["seconds"] == pytest.approx(2)
+    assert times[0.005, "a"]["cost"] == pytest.approx(2)
     assert times[0.02, "a"]["at_most"]
     assert not times[0.02, "b"]["at_most"]
-    in_cpu_time = rows(analysis.time_to_error(means, ["a", "b"], "a", "cpu_seconds"))
-    assert in_cpu_time[0.005, "a"]["seconds"] == pytest.approx(4)
+    in_cpu_time = rows(analysis.cost_to_error(means, ["a", "b"], "a", "cpu_seconds"))
+    assert in_cpu_time[0.005, "a"]["cost"] == pytest.approx(4)
 
 
 def test_verdicts_name_who_loses() -> None:
     """Curves that cross: a is better with 1 s, b with 4 s, and b alone reaches 1e-4."""
     runs = [run("a", 1, 1e-2), run("a", 4, 5e-3), run("b", 1, 3e-2), run("b", 4, 1e-4), run("c", 1, 2e-2)]
     means = analysis.summary(analysis.table(runs))
-    times = analysis.time_to_error(means, ["a", "b", "c"], "a", "cpu_seconds")
+    times = analysis.cost_to_error(means, ["a", "b", "c"], "a", "cpu_seconds")
     against_b, against_c = analysis.verdicts(means, times, ["a", "b", "c"], "a")
     assert "a has the smaller error at budget 1;" in against_b
     assert "b has the smaller error at budget 4;" in against_b

@@ -23,10 +23,24 @@ def test_ellipsoids_save_records() -> None:
     """Error falls as 1 / records; spheres need twice as many: 50 % saved at every level that both reach."""
     runs = [picture("radiance-cache", n, 10 / n) for n in (100, 1000)]
     runs += [picture("radiance-cache:spheres", n, 20 / n) for n in (100, 1000)]
-    (line,) = talk_tables._ellipsoids(analysis.summary(analysis.table(runs)))
-    assert "| 50% (50% to 50%) | 30% |" in line
-    (none,) = talk_tables._ellipsoids(analysis.summary(analysis.table(runs[:2])))
+    records, _ = talk_tables._ellipsoids(analysis.summary(analysis.table(runs)))
+    assert "| 50% (50% to 50%) | 30% |" in records
+    none, _ = talk_tables._ellipsoids(analysis.summary(analysis.table(runs[:2])))
     assert "no common error" in none
+
+
+def test_bounds_where_one_never_gets_there() -> None:
+    """The aware cache begins where the unaware one hasn't come with ten times the records; and the other way round."""
+    runs = [picture("radiance-cache", n, 1 / n) for n in (100, 1000)]
+    runs += [picture("radiance-cache-unaware", n, 10 / n) for n in (10, 100, 500)]
+    records, _ = talk_tables._aware(analysis.summary(analysis.table(runs)))
+    # 0.01 is what 100 records of the one have, and more than what 500 of the other have.
+    assert "| over 5x | - |" in records
+    turned = talk_tables._ratios(
+        analysis.summary(analysis.table(runs)), "radiance-cache", "radiance-cache-unaware", "records"
+    )
+    assert (turned.exact, turned.at_least) == ([], None)
+    assert turned.at_most == pytest.approx(0.2)
 
 
 def test_caches_without_records_in_the_fog_are_noticed() -> None:

@@ -106,11 +106,7 @@ def compare(
     if session.server is not None:
         raise click.UsageError("compare starts servers of its own; leave out --server")
     output = session.output
-    names = (
-        None
-        if methods is None
-        else [name.strip().replace("+", ",") if ":" in name else name.strip() for name in methods.split(",")]
-    )
+    names = None if methods is None else [name.strip() for name in methods.split(",")]
     try:
         with ComparisonBar(output) as bar:
             found = fogbank.compare(

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import fogbank
 import numpy as np
 import pandas as pd
-from fogbank.comparison.analysis import CURVE, levels, seconds_to
+from fogbank.comparison.analysis import CURVE, Cost, cost_at, curve, levels
 from fogbank.comparison.comparison import Comparison
 
 REPORTED_OVERHEAD = 0.09
@@ -70,14 +70,18 @@ def tables(name: str, by_time: Comparison, by_records: Comparison, overheads: Se
     lines = [f"## {name}", "", "Equal time: relative MSE (worst 0.1 % of the pixels left out)", ""]
     lines += _pivot(by_time.summary, "s")
     lines += ["", "Equal error: CPU seconds to a relative MSE", ""]
-    lines += _times(by_time.time_to_error)
+    lines += _costs(by_time.time_to_error)
     lines += ["", "Equal records: relative MSE", ""]
     lines += _pivot(by_records.summary, "records")
+    lines += ["", "Equal error: records to a relative MSE", ""]
+    lines += _costs(by_records.records_to_error)
+    lines += ["", "Equal error: CPU seconds to a relative MSE, of the same pictures", ""]
+    lines += _costs(by_records.time_to_error)
     if _same(by_records.summary):
         lines += ["", "Both caches are the same here: their fog has no records."]
     lines += ["", "| figure | ours | the authors' |", "| --- | ---: | ---: |"]
     lines += [f"| cost of {item.what} | {item.share:+.0%} | {REPORTED_OVERHEAD:+.0%} |" for item in overheads]
-    lines += _ellipsoids(by_records.summary)
+    lines += _ellipsoids(by_records.summary) + _aware(by_records.summary)
     failed = pd.concat([by_time.table, by_records.table])
     failed = failed[~failed["status"].isin(["done"])]
     for (method, status, message), group in failed.groupby(["method", "status", "message"], sort=False):
@@ -102,34 +106,99 @@ def _pivot(means: pd.DataFrame, unit: str) -> list[str]:
     return lines
 
 
-def _times(times: pd.DataFrame) -> list[str]:
-    if times.empty:
+def _costs(costs: pd.DataFrame) -> list[str]:
+    if costs.empty:
         return ["No error was reached by more than its first picture."]
-    methods = list(dict.fromkeys(times["method"]))
-    lines = ["| relative MSE | " + " | ".join(methods) + " |", "| --- |" + " ---: |" * len(methods)]
-    for level, rows in times.groupby("error", sort=False):
+    methods = list(dict.fromkeys(costs["method"]))
+    lines = ["| relative MSE | " + " | ".join(methods) + " |", "| ---: |" + " ---: |" * len(methods)]
+    for level, rows in costs.groupby("error", sort=False):
         cells = []
         for row in rows.to_dict("records"):
-            known = row["seconds"] == row["seconds"] and row["seconds"] is not None
-            cells.append(f"{'<= ' if row['at_most'] else ''}{row['seconds']:.2g}" if known else "not reached")
+            known = row["cost"] == row["cost"] and row["cost"] is not None
+            cells.append(f"{'≤ ' if row['at_most'] else ''}{_number(row['cost'])}" if known else "not reached")
         lines.append(f"| {level:g} | " + " | ".join(cells) + " |")
     return lines
 
 
+def _number(cost: float) -> str:
+    """Two digits, or all of those before the point."""
+    return f"{cost:.2g}" if cost < 10 else f"{cost:.0f}"
+
+
+@dataclass(frozen=True)
+class Ratios:
+    """Cost of one method by that of another at equal errors."""
+
+    exact: list[float]
+    """At levels that both reach, with neither's first picture."""
+
+    at_least: float | None
+    """Greatest lower bound by the other levels: those that the other has with its first picture, or the one not even
+    with its last."""
+
+    at_most: float | None
+    """Least upper bound by the other levels."""
+
+
+def _ratios(means: pd.DataFrame, one: str, other: str, cost: Cost) -> Ratios:
+    """Of `one` by `other`."""
+    upper, lower = curve(means, one, cost), curve(means, other, cost)
+    exact, at_least, at_most = [], [], []
+    if upper and lower:
+        for level in levels(means[means["method"].isin([one, other])]):
+            dividend, divisor = cost_at(upper, level), cost_at(lower, level)
+            dividend_first, divisor_first = upper[0][1] <= level, lower[0][1] <= level
+            if dividend is None and divisor is not None:
+                at_least.append(upper[-1][0] / divisor)
+            elif dividend is not None and divisor is None:
+                at_most.append(dividend / lower[-1][0])
+            elif dividend is not None and divisor is not None:
+                if divisor_first and not dividend_first:
+                    at_least.append(dividend / divisor)
+                elif dividend_first and not divisor_first:
+                    at_most.append(dividend / divisor)
+                elif not dividend_first:
+                    exact.append(dividend / divisor)
+    return Ratios(exact, max(at_least, default=None), min(at_most, default=None))
+
+
 def _ellipsoids(means: pd.DataFrame) -> list[str]:
-    """Records saved at equal error: the mean over the levels that both reach, and the range."""
-    pairs = {
-        extent: sorted(zip(rows["records"].tolist(), rows[CURVE].tolist(), strict=True))
-        for extent, method in (("ellipsoids", "radiance-cache"), ("spheres", "radiance-cache:spheres"))
-        if len(rows := means[means["method"] == method])
-    }
-    saved = []
-    if len(pairs) == 2:
-        both = means[means["method"].isin(["radiance-cache", "radiance-cache:spheres"])]
-        for level in levels(both):
-            ours, spheres = (seconds_to(pairs[extent], level) for extent in ("ellipsoids", "spheres"))
-            first = any(points[0][1] <= level for points in pairs.values())
-            if ours is not None and spheres is not None and not first:
-                saved.append(1.0 - ours / spheres)
-    text = "no common error" if not saved else f"{np.mean(saved):.0%} ({min(saved):.0%} to {max(saved):.0%})"
-    return [f"| records that ellipsoids save against spheres at equal error | {text} | {REPORTED_ELLIPSOIDS:.0%} |"]
+    """Share of records and time that ellipsoids save at equal error: its mean over the levels, and the range."""
+    kinds: tuple[tuple[Cost, str], ...] = (("records", "records"), ("cpu_seconds", "CPU time"))
+    return [
+        f"| {what} that ellipsoids save against spheres at equal error |"
+        f" {_said(_ratios(means, 'radiance-cache:spheres', 'radiance-cache', kind), _saved)} |"
+        f" {REPORTED_ELLIPSOIDS:.0%} |"
+        for kind, what in kinds
+    ]
+
+
+def _aware(means: pd.DataFrame) -> list[str]:
+    """What the cache that doesn't see occlusion needs by what the other one does, at equal error."""
+    kinds: tuple[tuple[Cost, str], ...] = (("records", "records"), ("cpu_seconds", "CPU time"))
+    return [
+        f"| {what} of the unaware cache by that of the aware one at equal error |"
+        f" {_said(_ratios(means, 'radiance-cache-unaware', 'radiance-cache', kind), _times)} | - |"
+        for kind, what in kinds
+    ]
+
+
+def _saved(ratio: float) -> str:
+    return f"{1.0 - 1.0 / ratio:.0%}"
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.2g}x" if ratio < 10 else f"{ratio:.0f}x"
+
+
+def _said(ratios: Ratios, text: Callable[[float], str]) -> str:
+    """The geometric mean and the range; bounds where there is no exact ratio."""
+    if ratios.exact:
+        mean = float(np.exp(np.mean(np.log(ratios.exact))))
+        return f"{text(mean)} ({text(min(ratios.exact))} to {text(max(ratios.exact))})"
+    bounds = [
+        f"{word} {text(bound)}"
+        for word, bound in (("over", ratios.at_least), ("under", ratios.at_most))
+        if bound is not None
+    ]
+    return " / ".join(bounds) or "no common error"

@@ -1,4 +1,4 @@
-"""What the runs of a comparison say: means over seeds, time to an error, who wins where."""
+"""What the runs of a comparison say: means over seeds, cost of an error, who wins where."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from fogbank.comparison.image_error import read, split
 from fogbank.comparison.references import Reference
 from fogbank.comparison.runs import Run
 
-Clock: TypeAlias = Literal["cpu_seconds", "wall_seconds"]
+Cost: TypeAlias = Literal["cpu_seconds", "wall_seconds", "records"]
+"""What pictures cost; columns of `summary`."""
 
 CURVE = "trimmed"
 """The error that curves and times are of: relative MSE without the worst 0.1 % of the pixels."""
@@ -71,26 +72,26 @@ def bias_and_variance(images: Mapping[tuple[str, float, int], Path], reference: 
     return pd.DataFrame(rows, columns=["method", "budget", "seeds", "bias_squared", "variance"])
 
 
-def seconds_to(points: Sequence[tuple[float, float]], error: float) -> float | None:
-    """Seconds to an error, between measured points (seconds, error) by a power law.
+def cost_at(points: Sequence[tuple[float, float]], error: float) -> float | None:
+    """Cost of an error, between measured points (cost, error) by a power law.
 
-    Returns the first point's seconds when it is good enough already, None when no point is. Extrapolates nothing.
+    Returns the first point's cost when it is good enough already, None when no point is. Extrapolates nothing.
     """
     before: tuple[float, float] | None = None
-    for seconds, reached in sorted(points):
+    for cost, reached in sorted(points):
         if reached <= error:
             if before is None or reached <= 0 or before[1] <= 0:
-                return float(seconds)
-            slope = math.log(seconds / before[0]) / math.log(reached / before[1])
+                return float(cost)
+            slope = math.log(cost / before[0]) / math.log(reached / before[1])
             return float(before[0] * (error / before[1]) ** slope)
-        before = (seconds, reached)
+        before = (cost, reached)
     return None
 
 
-def curve(means: pd.DataFrame, method: str, clock: Clock) -> list[tuple[float, float]]:
-    """Points (seconds, error) of a method in the order of time."""
-    rows = means[means["method"] == method]
-    return sorted(zip(rows[clock].tolist(), rows[CURVE].tolist(), strict=True))
+def curve(means: pd.DataFrame, method: str, cost: Cost) -> list[tuple[float, float]]:
+    """Points (cost, error) of a method in the order of the cost; none where it has no such cost."""
+    rows = means[(means["method"] == method) & means[cost].notna()]
+    return sorted(zip(rows[cost].tolist(), rows[CURVE].tolist(), strict=True))
 
 
 def levels(means: pd.DataFrame) -> list[float]:
@@ -109,21 +110,21 @@ def levels(means: pd.DataFrame) -> list[float]:
     return sorted(inside, reverse=True)
 
 
-def time_to_error(means: pd.DataFrame, methods: Sequence[str], base: str, clock: Clock) -> pd.DataFrame:
-    """Rows (error, method, seconds, at_most, ratio): time to each of `levels`.
+def cost_to_error(means: pd.DataFrame, methods: Sequence[str], base: str, cost: Cost) -> pd.DataFrame:
+    """Rows (error, method, cost, at_most, ratio): what each of `levels` costs.
 
-    `at_most` marks a method whose first picture was better already. `ratio` is the method's time by that of `base`:
-    above 1 it is slower. Missing numbers: never got there.
+    `at_most` marks a method whose first picture was better already. `ratio` is the method's cost by that of `base`:
+    above 1 it is dearer. Missing numbers: never got there.
     """
     rows = []
     for level in levels(means):
-        reference = seconds_to(curve(means, base, clock), level)
+        reference = cost_at(curve(means, base, cost), level)
         for method in methods:
-            points = curve(means, method, clock)
-            seconds = seconds_to(points, level)
-            ratio = seconds / reference if seconds is not None and reference is not None else None
-            rows.append((level, method, seconds, bool(points) and points[0][1] <= level, ratio))
-    return pd.DataFrame(rows, columns=["error", "method", "seconds", "at_most", "ratio"])
+            points = curve(means, method, cost)
+            paid = cost_at(points, level)
+            ratio = paid / reference if paid is not None and reference is not None else None
+            rows.append((level, method, paid, bool(points) and points[0][1] <= level, ratio))
+    return pd.DataFrame(rows, columns=["error", "method", "cost", "at_most", "ratio"])
 
 
 def choose_base(methods: Sequence[str]) -> str:
@@ -131,7 +132,7 @@ def choose_base(methods: Sequence[str]) -> str:
     return "radiance-cache" if "radiance-cache" in methods else methods[0]
 
 
-def verdicts(means: pd.DataFrame, times: pd.DataFrame, methods: Sequence[str], base: str) -> list[str]:
+def verdicts(means: pd.DataFrame, costs: pd.DataFrame, methods: Sequence[str], base: str) -> list[str]:
     """Sentences that say where `base` wins and where it loses, against each method."""
     sentences = []
     ours = means[means["method"] == base].set_index("budget")[CURVE]
@@ -151,8 +152,8 @@ def verdicts(means: pd.DataFrame, times: pd.DataFrame, methods: Sequence[str], b
         if lost:
             parts.append(f"{method} has the smaller error at budget {', '.join(lost)}")
         between = f"error of {method} / error of {base} between {ratios.min():.2g} and {ratios.max():.2g}"
-        reached = times[(times["method"] == method) & times["seconds"].notna()]["error"]
-        mine = times[(times["method"] == base) & times["seconds"].notna()]["error"]
+        reached = costs[(costs["method"] == method) & costs["cost"].notna()]["error"]
+        mine = costs[(costs["method"] == base) & costs["cost"].notna()]["error"]
         only = sorted(set(reached) - set(mine))
         if only:
             parts.append(f"only {method} reached {', '.join(f'{level:g}' for level in only)}")

@@ -101,7 +101,10 @@ class Comparison:
     """A row for each method and budget: means over the seeds."""
 
     time_to_error: pd.DataFrame
-    """CPU seconds to each level of error, see `analysis.time_to_error`; empty with `equal="records"`."""
+    """CPU seconds to each level of error, see `analysis.cost_to_error`."""
+
+    records_to_error: pd.DataFrame
+    """The same in records; of methods that make none nothing is known."""
 
     images: Images
     """The pictures."""
@@ -249,9 +252,8 @@ def _finish(
     names = [method.name for method in methods]
     base = analysis.choose_base(names)
     by_records = request.equal == "records"
-    timed = means.iloc[:0] if by_records else means
-    clocks: tuple[analysis.Clock, ...] = ("cpu_seconds", "wall_seconds")
-    times = {clock: analysis.time_to_error(timed, names, base, clock) for clock in clocks}
+    kinds: tuple[analysis.Cost, ...] = ("cpu_seconds", "wall_seconds", "records")
+    costs = {kind: analysis.cost_to_error(means, names, base, kind) for kind in kinds}
     report = Report(
         folder=store.folder,
         scene=Path(request.scene).stem,
@@ -260,7 +262,7 @@ def _finish(
         by_records=by_records,
         results=results,
         means=means,
-        times=times,
+        costs=costs,
         split=analysis.bias_and_variance(paths, reference),
         images=paths,
         reference=reference,
@@ -274,7 +276,8 @@ def _finish(
         report=write_report(report),
         table=results,
         summary=means,
-        time_to_error=times["cpu_seconds"],
+        time_to_error=costs["cpu_seconds"],
+        records_to_error=costs["records"],
         images=Images(paths),
         reference=reference,
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal, TypeAlias
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -13,11 +12,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from fogbank.comparison.analysis import CURVE, Clock
+from fogbank.comparison.analysis import CURVE, Cost
 
-Axis: TypeAlias = Clock | Literal["records"]
-
-_LABELS: dict[Axis, str] = {
+_LABELS: dict[Cost, str] = {
     "cpu_seconds": "CPU time, s (all threads, without start-up, loading, compilation)",
     "wall_seconds": "wall-clock time, s (without start-up, loading, compilation)",
     "records": "records",
@@ -30,7 +27,7 @@ _COLUMNS = 3
 def error_plot(
     means: pd.DataFrame,
     methods: Sequence[str],
-    axis: Axis,
+    axis: Cost,
     path: Path,
     title: str,
     *,
@@ -81,7 +78,7 @@ def error_plots(means: Mapping[str, pd.DataFrame], path: Path) -> None:
     figure.savefig(path, dpi=100)
 
 
-def _draw(axes: Axes, means: pd.DataFrame, methods: Sequence[str], axis: Axis) -> None:
+def _draw(axes: Axes, means: pd.DataFrame, methods: Sequence[str], axis: Cost) -> None:
     for number, method in enumerate(methods):
         rows = means[(means["method"] == method) & (means[CURVE] > 0)].sort_values(axis)
         colour = f"C{number}"

@@ -18,7 +18,7 @@ from PIL import Image
 from fogbank.comparison import analysis, pictures
 from fogbank.comparison.image_error import read, resolution
 from fogbank.comparison.pictures import Colours, Toning
-from fogbank.comparison.plots import Axis, error_plot
+from fogbank.comparison.plots import error_plot
 from fogbank.comparison.references import Reference
 from fogbank.window import Window
 
@@ -26,6 +26,11 @@ _TEMPLATE = "report.html.jinja"
 _MOST_BUDGETS = 3
 """Whose pictures the report holds: the first, a middle one, the last."""
 _REFERENCE = "reference"
+_HEADINGS: dict[analysis.Cost, str] = {
+    "records": "Records to an error",
+    "cpu_seconds": "CPU time to an error",
+    "wall_seconds": "Wall-clock time to an error",
+}
 
 
 @dataclass(frozen=True)
@@ -39,7 +44,7 @@ class Report:
     by_records: bool
     results: pd.DataFrame
     means: pd.DataFrame
-    times: Mapping[analysis.Clock, pd.DataFrame]
+    costs: Mapping[analysis.Cost, pd.DataFrame]
     split: pd.DataFrame
     images: Mapping[tuple[str, float, int], Path]
     reference: Reference
@@ -66,8 +71,11 @@ def write_report(report: Report) -> Path:
         names=[_REFERENCE, *report.methods],
         rows=_rows(report),
         failures=_failures(report),
-        times={clock: _time_rows(report, times) for clock, times in report.times.items()},
-        verdicts=analysis.verdicts(report.means, report.times["cpu_seconds"], report.methods, report.base),
+        costs=[
+            {"heading": _HEADINGS[kind], "kind": kind, "rows": _cost_rows(report, report.costs[kind])}
+            for kind in _kinds(report)
+        ],
+        verdicts=analysis.verdicts(report.means, report.costs[_kinds(report)[0]], report.methods, report.base),
         split=report.split.to_dict("records"),
         caches=_caches(report),
         residual=report.reference.residual,
@@ -101,17 +109,21 @@ def _chosen_budgets(report: Report) -> list[float]:
     return [budgets[index] for index in np.linspace(0, len(budgets) - 1, _MOST_BUDGETS).round().astype(int)]
 
 
+def _kinds(report: Report) -> list[analysis.Cost]:
+    """What costs are shown, the most important first."""
+    return [*(["records"] if report.by_records else []), "cpu_seconds", "wall_seconds"]  # type: ignore[list-item]
+
+
 def _draw_plots(report: Report) -> list[dict[str, str]]:
     folder = report.folder / "plots"
     folder.mkdir(exist_ok=True)
     reference = report.reference
     floor = resolution(reference.half_a, reference.half_b) if reference.independent else None
-    axes: list[Axis] = ["records"] if report.by_records else []
     drawn = []
-    for clock in [*axes, "cpu_seconds", "wall_seconds"]:
-        path = folder / f"error_{clock}.png"
-        error_plot(report.means, report.methods, clock, path, f"{report.scene}: error", floor=floor)
-        drawn.append({"source": _data(path.read_bytes()), "name": clock.replace("_", " ").replace("cpu", "CPU")})
+    for kind in _kinds(report):
+        path = folder / f"error_{kind}.png"
+        error_plot(report.means, report.methods, kind, path, f"{report.scene}: error", floor=floor)
+        drawn.append({"source": _data(path.read_bytes()), "name": kind.replace("_", " ").replace("cpu", "CPU")})
     return drawn
 
 
@@ -185,10 +197,10 @@ def _failures(report: Report) -> list[dict[str, Any]]:
     ]
 
 
-def _time_rows(report: Report, times: pd.DataFrame) -> list[dict[str, Any]]:
+def _cost_rows(report: Report, costs: pd.DataFrame) -> list[dict[str, Any]]:
     """A row for each level of error, with a cell for each method."""
     rows = []
-    for level, group in times.groupby("error", sort=False):
+    for level, group in costs.groupby("error", sort=False):
         cells = group.set_index("method")
         rows.append({"error": level, "cells": [cells.loc[method].to_dict() for method in report.methods]})
     return rows
