@@ -1,7 +1,8 @@
 #include "derivatives/estimate_average.h"
 
-#include <chrono>
 #include <cmath>
+
+#include "core/thread_time.h"
 
 namespace fogbank::derivatives {
 
@@ -35,7 +36,7 @@ Jet3d EstimateAverage::Moments::standard_error(int32_t count) const {
 
 bool EstimateAverage::add(const Estimator& estimator, const Vec3f& x, const std::atomic<bool>& stop) {
   if (stop) return false;
-  const auto start = std::chrono::steady_clock::now();
+  const double start = thread_cpu_seconds();
   RayCounters counters;
   counters.stop = &stop;
   RadianceJet sample;
@@ -48,7 +49,7 @@ bool EstimateAverage::add(const Estimator& estimator, const Vec3f& x, const std:
   for (size_t c = 0; c < 3; ++c) channels_[c].add(sample.channels[c], count_);
   luminance_.add(sample.luminance(), count_);
   samples_ += counters.total();
-  seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  seconds_ += thread_cpu_seconds() - start;
   return true;
 }
 

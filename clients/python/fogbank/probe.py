@@ -138,7 +138,7 @@ class ProbeResult(ProbeField):
         self.samples = samples
         """(n,): rays traced."""
         self.seconds = seconds
-        """(n,): wall-clock seconds of the thread that computed it; the only array that differs from run to run."""
+        """(n,): CPU seconds of the thread that computed it; the only array that differs from run to run."""
         self.medium = medium
         """(n,): index into `media` of the medium that holds the point, -1 for none."""
         self.media = media
