@@ -156,8 +156,9 @@ def _draw_legend(picture: Image.Image, top: int, view: fogbank.CacheView, limits
         name = extents.component.quantity or "unknown"
         by_quantity[name] = by_quantity.get(name, 0) + extents.component.records
     parts = [f"{count} {name}" for name, count in sorted(by_quantity.items())]
-    parts.append(f"seen down {up}, cut at {up} = {view.plan.cut:.3g}; {right} to the right, {down} down")
     pen.text((_MARGIN, y + 32), ", ".join(parts), font=small, fill=_INK)
+    seen = f"seen down {up}, cut at {up} = {view.plan.cut:.3g}; {right} to the right, {down} down"
+    pen.text((_MARGIN, y + 52), seen, font=small, fill=_INK)
     if limits[1] <= 0.0:
         return
     width = min(300, picture.width // 3)
