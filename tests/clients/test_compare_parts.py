@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 import pytest
 from fogbank import InvalidArgumentError, InvalidSceneError
 from fogbank.comparison import methods, scene_text
+from fogbank.comparison.command_worker import CommandWorker
 from fogbank.comparison.engine import Engine, EngineError
 from fogbank.comparison.worker import Render, Start
 
@@ -152,3 +153,10 @@ def test_a_command_renders_for_a_time(tmp_path: Path) -> None:
         done = engine.ask("render", 60.0, **asdict(Render(output=str(output), seed=1, seconds=2.0)))
     assert output.read_text() == "8"
     assert (done["wall_seconds"], done["cpu_seconds"], done["samples_per_pixel"]) == (2.0, 4.0, 8)
+
+
+def test_a_command_that_crashes_says_its_signal(tmp_path: Path) -> None:
+    """Not a negative number."""
+    start = Start({"command": "bash -c 'kill -SEGV $$'"}, str(tmp_path / "s.xml"), (4, 4), 3, 5, 1)
+    with pytest.raises(RuntimeError, match=r"^bash ended with signal SIGSEGV$"):
+        CommandWorker().start(start)

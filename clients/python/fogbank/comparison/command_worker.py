@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import resource
 import shlex
+import signal
 import subprocess
 import time
 from pathlib import Path
@@ -72,7 +73,9 @@ class CommandWorker:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             said = (done.stderr or done.stdout).strip()[-_ERROR_CHARACTERS:]
-            message = f"{command[0]} ended with status {done.returncode}: {said}"
+            code = done.returncode
+            how = f"signal {signal.Signals(-code).name}" if code < 0 else f"status {code}"
+            message = f"{command[0]} ended with {how}" + (f": {said}" if said else "")
             raise RuntimeError(message)
         try:
             report: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
