@@ -38,6 +38,7 @@ def test_cost_of_an_error() -> None:
     assert analysis.cost_at(LINE, 0.1) == 1
     assert analysis.cost_at(LINE, 1e-3) is None
     assert analysis.cost_at([], 1e-3) is None
+    assert analysis.cost_at([(0.0, 1e-2), (3.0, 1e-4)], 1e-3) == 3
     assert analysis.cost_at([(1.0, 1e-2), (2.0, -1e-6)], 1e-3) == 2
 
 

@@ -154,7 +154,7 @@ class Ratios:
 
 def _ratios(means: pd.DataFrame, one: str, other: str, cost: Cost) -> Ratios:
     """Of `one` by `other`."""
-    upper, lower = curve(means, one, cost), curve(means, other, cost)
+    upper, lower = ([point for point in curve(means, name, cost) if point[0] > 0] for name in (one, other))
     exact, at_least, at_most = [], [], []
     if upper and lower:
         for level in levels(means[means["method"].isin([one, other])]):

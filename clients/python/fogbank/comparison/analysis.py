@@ -80,7 +80,8 @@ def cost_at(points: Sequence[tuple[float, float]], error: float) -> float | None
     before: tuple[float, float] | None = None
     for cost, reached in sorted(points):
         if reached <= error:
-            if before is None or reached <= 0 or before[1] <= 0:
+            # A picture of no records has no place on logarithmic axes.
+            if before is None or before[0] <= 0 or reached <= 0 or before[1] <= 0:
                 return float(cost)
             slope = math.log(cost / before[0]) / math.log(reached / before[1])
             return float(before[0] * (error / before[1]) ** slope)
@@ -122,7 +123,7 @@ def cost_to_error(means: pd.DataFrame, methods: Sequence[str], base: str, cost: 
         for method in methods:
             points = curve(means, method, cost)
             paid = cost_at(points, level)
-            ratio = paid / reference if paid is not None and reference is not None else None
+            ratio = paid / reference if paid is not None and reference else None
             rows.append((level, method, paid, bool(points) and points[0][1] <= level, ratio))
     return pd.DataFrame(rows, columns=["error", "method", "cost", "at_most", "ratio"])
 
