@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <string>
 
@@ -40,26 +39,6 @@ void validate(const MetricSettings& settings) {
     if (!not_negative(static_cast<double>(footprint.pixel_angle)))
       refuse("footprints.pixel_angle", "finite and not negative");
   }
-}
-
-std::string bytes_of(const MetricSettings& settings) {
-  std::string bytes;
-  const auto append = [&bytes](const auto& value) {
-    const auto raw = std::bit_cast<std::array<char, sizeof(value)>>(value);
-    bytes.append(raw.data(), raw.size());
-  };
-  append(settings.threshold);
-  append(settings.radiance_floor);
-  append(settings.direct_floor);
-  append(settings.reference);
-  append(settings.shape);
-  append(settings.maximum_anisotropy);
-  append(settings.maximum_radius);
-  append(settings.minimum_radius);
-  append(settings.minimum_pixels);
-  append(settings.guards);
-  for (const PixelFootprint& footprint : settings.footprints) append(footprint);
-  return bytes;
 }
 
 template <int Dim>

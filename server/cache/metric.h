@@ -65,9 +65,6 @@ struct MetricSettings {
 /// Throws Error(invalid_argument, "INVALID_SETTINGS") naming the field.
 void validate(const MetricSettings& settings);
 
-/// All fields as bytes: equal for settings that are equal, and for no others.
-std::string bytes_of(const MetricSettings& settings);
-
 /// Semi-axes a_i of the largest extent with error integral `budget` (threshold times reference radiance) for
 /// curvatures `eigenvalues` of the Hessian, each a_i at most caps[i]: on the level set |lambda_i| a_i^2 = k
 /// where no cap binds, with k such that the true integral is the budget (method.md sections 10.1 and 10.2).
