@@ -135,8 +135,14 @@ std::vector<Ellipsoid> guarded_ellipsoids(const RecordSet& set, const ComponentR
   std::vector<float> scales(range.place_count, 1.0f);
   if (settings.guards.verify) scales = verified_scales(set, range, settings, fields, ellipsoids);
   for (uint32_t i = 0; i < range.place_count; ++i) {
-    ellipsoids[i] = ellipsoids[i].clamped(scales[i], bounds[i], minima[i]);
-    if (fields[i].normal != Vec3f(0)) ellipsoids[i] = ellipsoids[i].flat();
+    Ellipsoid& ellipsoid = ellipsoids[i];
+    const bool on_surface = fields[i].normal != Vec3f(0);
+    const float shortest =
+        on_surface ? std::min(ellipsoid.semi_axes[0], ellipsoid.semi_axes[1]) : ellipsoid.shortest();
+    const float granted = std::min(shortest * scales[i], bounds[i]);
+    ellipsoid = ellipsoid.clamped(scales[i], bounds[i], minima[i]);
+    if (granted < minima[i]) ellipsoid.gradient_share = granted / minima[i];
+    if (on_surface) ellipsoid = ellipsoid.flat();
   }
   return ellipsoids;
 }

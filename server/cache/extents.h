@@ -13,8 +13,11 @@ namespace fogbank::cache {
 ///   surfaces only one of a similar normal counts; the least
 ///     factor over all pairs, tested with the base ellipsoids),
 ///   - to what neighbours reach (guard 1, on the longest semi-axes of the base ellipsoids),
-/// and never below the minimum radius. Pairs and bounds refer to the unguarded ellipsoids, hence no order of
-/// records enters. `settings` are valid.
+/// and never below the minimum radius. Where that is what counts the gradient is cut down (gradient_share) by
+/// which the shortest semi-axis, on surfaces of those along it, grew: over the whole extent radiance changes
+/// no more than it would over the one that metric and guards grant. Gradients in full made pictures too
+/// bright, since extrapolation has a bound at 0 and a higher one above. Pairs and bounds refer to the
+/// unguarded ellipsoids, hence no order of records enters. `settings` are valid.
 std::vector<Ellipsoid> guarded_ellipsoids(const RecordSet& set, const ComponentRange& range,
                                           const MetricSettings& settings);
 

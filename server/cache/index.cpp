@@ -64,6 +64,12 @@ Index::Index(std::shared_ptr<const RecordSet> set, const ComponentRange& range,
           : infinity;
   greatest_ = quantity == Quantity::ratio ? derivatives::LightProxy::most_ratio : greatest_value;
   const std::vector<Ellipsoid> ellipsoids = guarded_ellipsoids(*set_, range, settings);
+  const auto is_cut = [](const Ellipsoid& ellipsoid) { return ellipsoid.gradient_share < 1; };
+  // The rival extrapolates in full.
+  if (!is_unaware(quantity) && std::ranges::any_of(ellipsoids, is_cut)) {
+    gradient_shares_.reserve(ellipsoids.size());
+    for (const Ellipsoid& ellipsoid : ellipsoids) gradient_shares_.push_back(ellipsoid.gradient_share);
+  }
   tree_ = EllipsoidTree(set_->positions(range), range.place_count, [&](uint32_t i) { return ellipsoids[i]; });
 }
 
@@ -131,8 +137,9 @@ float Index::normalised_square(uint32_t place, const Vec3f& offset, const Vec3f&
          tree_.normalised_square(place, broadcast(offset.x), broadcast(offset.y), broadcast(offset.z))[0];
 }
 
-Spectrum Index::extrapolated_by(uint32_t place, const Vec3f& offset,
+Spectrum Index::extrapolated_by(uint32_t place, const Vec3f& full_offset,
                                 const ScatteredDirection* scattered) const {
+  const Vec3f offset = gradient_share(place) * full_offset;
   const Quantity quantity = range_->component.quantity;
   Spectrum value(0);
   Spectrum centre(0);
@@ -275,13 +282,17 @@ void Index::add(const PointBundle& points, uint32_t place, const ScatteredDirect
 
   const Float8 d = 1.0f - square_root(square);
   const Float8 weight = select(holds, d * d * (3.0f - 2.0f * d));
+  const float share = gradient_share(place);
+  const auto extrapolated_from = [&](const Shading& said) {
+    return extrapolate(range_->component.quantity, said, share * x, share * y, share * z);
+  };
   std::array<Float8, 3> value;
   Spectrum centre(0);
   Shading room;
   if (end == begin + 1) {
     const Shading& said = shading(begin, scattered, room);
     centre = said.radiance;
-    value = extrapolate(range_->component.quantity, said, x, y, z);
+    value = extrapolated_from(said);
   } else {
     value = {};
     float total = 0;
@@ -290,7 +301,7 @@ void Index::add(const PointBundle& points, uint32_t place, const ScatteredDirect
       total += samples;
       const Shading& said = shading(record, scattered, room);
       centre += samples * said.radiance;
-      const std::array<Float8, 3> one = extrapolate(range_->component.quantity, said, x, y, z);
+      const std::array<Float8, 3> one = extrapolated_from(said);
       for (size_t channel = 0; channel < 3; ++channel) value[channel] += samples * one[channel];
     }
     for (Float8& channel : value) channel /= total;

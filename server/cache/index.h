@@ -43,8 +43,8 @@ class Index {
 
   /// Weights w = 3 d^2 - 2 d^3 with d = 1 - |W dx|, values max(0, M + g . dx) (method.md section 11), summed
   /// in the set's order: the same bits for the same set. Radiances count as no more than three times the
-  /// record's, or the metric's floor where that is more: the metric's own caps keep extents within twice, but
-  /// for the minimum radius, over which a steep gradient would run away. Nothing counts as more than 1e30.
+  /// record's, or the metric's floor where that is more: the metric's own caps keep luminances within
+  /// twice, but not a channel that changes faster. Nothing counts as more than 1e30.
   /// Among records with a shape `scattered` says what to make of it, and values are what is scattered along
   /// a ray, per unit of sigma_s; null, and among others: mean radiance.
   Interpolation look_up(const Vec3f& point, const ScatteredDirection* scattered = nullptr) const;
@@ -81,7 +81,7 @@ class Index {
 
   const Component& component() const { return range_->component; }
   /// Bytes that the index holds besides the set.
-  size_t memory() const { return tree_.memory(); }
+  size_t memory() const { return tree_.memory() + gradient_shares_.capacity() * sizeof(float); }
 
  private:
   struct Sums;
@@ -93,6 +93,9 @@ class Index {
   void add_on_surface(const Vec3f& point, const Vec3f& normal, uint32_t place, Interpolation& result,
                       SurfaceSums& sums) const;
   Vec3f position(uint32_t place) const;
+  float gradient_share(uint32_t place) const {
+    return gradient_shares_.empty() ? 1.0f : gradient_shares_[place];
+  }
   /// Squared distance in extents of a point at `offset`; 1 is the border. `normal`: 0 in a medium.
   float normalised_square(uint32_t place, const Vec3f& offset, const Vec3f& normal) const;
   /// Most that an extrapolation from `radiance` counts as.
@@ -104,6 +107,7 @@ class Index {
   std::shared_ptr<const RecordSet> set_;
   const ComponentRange* range_;
   EllipsoidTree tree_;
+  std::vector<float> gradient_shares_;  ///< by place, of its extent; empty where all are 1
   bool depth_guard_;
   /// MetricSettings::radiance_floor; infinite for ratios and the rival's quantities.
   float floor_ = 0;

@@ -88,6 +88,9 @@ double error_integral(const std::array<double, static_cast<size_t>(Dim)>& eigenv
 struct Ellipsoid {
   std::array<Vec3f, 3> axes{};  ///< orthonormal
   std::array<float, 3> semi_axes{};
+  /// Of a record's gradient, to extrapolate by; 1 but where the minimum radius makes the extent larger than
+  /// metric and guards would. 0 to 1.
+  float gradient_share = 1;
 
   /// Semi-axes times `scale`, at most `greatest`, at least `least`.
   Ellipsoid clamped(float scale, float greatest, float least) const;

@@ -109,6 +109,18 @@ TEST(MinimumRadiusOfExtents, BeatsEveryGuard) {
     EXPECT_GE(ellipsoid.shortest(), 0.2f) << x;
 }
 
+TEST(MinimumRadiusOfExtents, LeavesTheGradientTheChangeThatItHad) {
+  // Extrapolation of 1 by a slope of 10 is positive up to 0.1.
+  const RecordSet steep = line({1}, 10);
+  const ComponentRange& range = steep.components()[0];
+  MetricSettings with = settings();
+  EXPECT_EQ(guarded_ellipsoids(steep, range, with)[0].gradient_share, 1);
+  with.minimum_radius = 0.1;
+  EXPECT_NEAR(guarded_ellipsoids(steep, range, with)[0].gradient_share, 1, 1e-6);
+  with.minimum_radius = 0.25;
+  EXPECT_NEAR(guarded_ellipsoids(steep, range, with)[0].gradient_share, 0.4, 1e-6);
+}
+
 TEST(GuardedEllipsoids, SameBitsForAnyNumberOfThreads) {
   std::vector<Record> records = test::make_cloud(test::Layout::sheets, 4000, 12, 5);
   RandomStream random(3, 0, 0, 0);

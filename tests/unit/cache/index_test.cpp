@@ -58,7 +58,8 @@ Expected brute_force(const RecordSet& set, const ComponentRange& range,
     for (int channel = 0; channel < 3; ++channel)
       value[channel] = std::clamp(
           static_cast<double>(place.radiance[channel]) +
-              glm::dot(Vec3d(place.gradient[static_cast<size_t>(channel)]), offset),
+              static_cast<double>(ellipsoids[i].gradient_share) *
+                  glm::dot(Vec3d(place.gradient[static_cast<size_t>(channel)]), offset),
           0.0, 3 * std::max<double>(place.radiance[channel], test::cloud_settings().radiance_floor));
     result.radiance += weight * value;
     result.weight += weight;
@@ -137,6 +138,12 @@ TEST_P(IndexSizes, AgreesWithBruteForce) {
     unguarded.guards.depth = false;
     expect_agreement(lively(cloud, 5), unguarded, points);
   }
+}
+
+TEST(Index, WidenedExtentsAgreeWithBruteForce) {
+  MetricSettings widened = test::cloud_settings();
+  widened.minimum_radius = 0.1;
+  expect_agreement(lively(test::make_cloud(Layout::uniform, 513, 12, 1), 20), widened, 600);
 }
 
 INSTANTIATE_TEST_SUITE_P(Sizes, IndexSizes, testing::Values(1, 2, 8, 9, 63, 64, 65, 513, 100000));
