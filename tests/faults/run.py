@@ -48,6 +48,8 @@ def main() -> int:
         ]
         try:
             codes = [lane.wait() for lane in lanes]
+        except KeyboardInterrupt:
+            codes = [1]
         finally:
             for lane in lanes:
                 if lane.poll() is None:
