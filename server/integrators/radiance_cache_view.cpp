@@ -12,7 +12,7 @@ namespace {
 /// Share of the metric's bound that is the error: bounds are for the worst direction at every look-up.
 constexpr double error_per_bound = 0.3;
 /// Neighbours err alike to some degree, so they disagree less than they err. Chosen: with it, estimates of
-/// five pictures with known errors are 0.8 to 1.2 of those (tests/oracle/test_radiance_cache.py).
+/// five pictures with known errors are 0.95 to 1.12 of those (tests/oracle/test_radiance_cache.py).
 constexpr double error_per_disagreement = 2.0;
 
 class ViewSums final : public LookUpObserver {

@@ -36,9 +36,7 @@ the whole squared error and more, which the eye sees as splotches. Normal errors
 # Errors where the promise is not kept, as measured; estimates are in the comments.
 COARSE_SHORTFALLS = {
     "penumbra": 0.0499,  # 0.0492; more than a hundredth of the pixels are off by WORST_PIXELS
-    "glow": 0.1106,  # 0.1322
-    "stairs": 0.0579,  # 0.0499
-    "statues_room_fog": 0.0600,  # 0.0483
+    "glow": 0.0823,  # 0.0925
 }
 FINE_SHORTFALLS = {
     "shafts": 0.0510,  # this one and those below before photons ended paths in dense fog
@@ -61,14 +59,15 @@ class Outcome:
     """What the reference's noise may add to the squared error: two standard errors."""
     median: float
     percentile_99: float
+    reference_median: float
+    """Of the reference's own noise, as is the next one."""
     reference_99: float
-    """The same of the reference's own noise."""
 
     def __str__(self) -> str:
         """For people."""
         return (
             f"error {self.error:.4f}, asked for {self.asked}, estimated {self.estimated:.4f}; "
-            f"median {self.median:.4f}, 99 % {self.percentile_99:.4f} (reference {self.reference_99:.4f})"
+            f"median {self.median:.4f} (reference {self.reference_median:.4f}), 99 % {self.percentile_99:.4f} (reference {self.reference_99:.4f})"
         )
 
     def check(self, shortfall: float | None, request: pytest.FixtureRequest) -> None:
@@ -79,7 +78,7 @@ class Outcome:
             reason = f"error {self.error:.4f} of {self.asked} is known; take it off the list once the promise is kept"
             request.applymarker(pytest.mark.xfail(strict=True, raises=AssertionError, reason=reason))
         assert self.error**2 <= self.asked**2 + self.resolution, str(self)
-        assert self.median <= self.asked, str(self)
+        assert self.median <= np.hypot(self.asked, self.reference_median), str(self)
         assert self.percentile_99 <= np.hypot(WORST_PIXELS * self.asked, self.reference_99), str(self)
 
 
@@ -112,6 +111,7 @@ def judge(image: Pixels, halves: tuple[Pixels, Pixels], asked: float, estimated:
         resolution=2.0 * float(np.sqrt(variance.sum())) / variance.size,
         median=float(np.median(size)),
         percentile_99=float(np.percentile(size, 99)),
+        reference_median=float(np.median(noise)),
         reference_99=float(np.percentile(noise, 99)),
     )
 
