@@ -67,7 +67,8 @@ class Outcome:
         """For people."""
         return (
             f"error {self.error:.4f}, asked for {self.asked}, estimated {self.estimated:.4f}; "
-            f"median {self.median:.4f} (reference {self.reference_median:.4f}), 99 % {self.percentile_99:.4f} (reference {self.reference_99:.4f})"
+            f"median {self.median:.4f} (reference {self.reference_median:.4f}), "
+            f"99 % {self.percentile_99:.4f} (reference {self.reference_99:.4f})"
         )
 
     def check(self, shortfall: float | None, request: pytest.FixtureRequest) -> None:
