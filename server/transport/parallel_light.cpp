@@ -1,7 +1,9 @@
 #include "transport/parallel_light.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "core/sobol.h"
 #include "transport/bundle_points.h"

@@ -26,7 +26,7 @@ class ShadowMap {
   };
   struct Answer {
     Guess guess = Guess::uncertain;
-    float behind_boundary = 0;  ///< way of the light through the medium, >= 0; infinite where there is no end
+    float behind_boundary = 0;  ///< way of the light through the medium; 0 where that is not known
   };
   /// Points of a line in the map's coordinates: cells across the light, distance along it.
   struct Line {
