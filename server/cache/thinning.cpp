@@ -84,7 +84,6 @@ std::vector<uint32_t> thin(std::span<const SpacedWish> wishes, uint64_t seed, si
     before.add(wish);
     result.push_back(ranked.wish);
   }
-  std::ranges::sort(result);
   return result;
 }
 

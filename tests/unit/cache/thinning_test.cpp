@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <span>
 
 #include "core/random.h"
 #include "core/sampling.h"
@@ -23,8 +25,8 @@ std::vector<SpacedWish> random_wishes(size_t count) {
 
 TEST(Thinning, RefusedWishesHaveAGrantedOneInReachAndGrantedOnesAreApart) {
   const std::vector<SpacedWish> wishes = random_wishes(2000);
-  const std::vector<uint32_t> granted = thin(wishes, 1, wishes.size());
-  EXPECT_TRUE(std::ranges::is_sorted(granted));
+  std::vector<uint32_t> granted = thin(wishes, 1, wishes.size());
+  std::ranges::sort(granted);
   const auto distance = [&](uint32_t a, uint32_t b) {
     return glm::distance(wishes[a].wish.position, wishes[b].wish.position);
   };
@@ -58,6 +60,22 @@ TEST(Thinning, DependsOnTheWishesAsASet) {
   EXPECT_EQ(places(), expected);
   wishes.insert(wishes.end(), wishes.begin(), wishes.begin() + 100);
   EXPECT_EQ(places(), expected);
+}
+
+TEST(Thinning, WhoeverStopsEarlyHasServedAllPlacesAlike) {
+  // Wishes come in the order of the pixels that have them.
+  std::vector<SpacedWish> wishes = random_wishes(4000);
+  for (SpacedWish& wish : wishes) wish.spacing = 0.01f;
+  std::ranges::sort(wishes, {}, [](const SpacedWish& wish) { return wish.wish.position.y; });
+  const std::vector<uint32_t> all = thin(wishes, 1, wishes.size());
+  const size_t part = all.size() / 8;
+  const std::vector<uint32_t> first = thin(wishes, 1, part);
+  EXPECT_TRUE(std::ranges::equal(first, std::span(all).first(part)));
+  const auto upper =
+      std::ranges::count_if(first, [&](uint32_t i) { return wishes[i].wish.position.y > 0.5f; });
+  // Four standard deviations of a binomial distribution.
+  EXPECT_NEAR(static_cast<double>(upper), 0.5 * static_cast<double>(part),
+              2 * std::sqrt(static_cast<double>(part)));
 }
 
 TEST(Thinning, NormalsAndComponentsThatDifferDoNotForbid) {
