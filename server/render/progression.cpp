@@ -43,7 +43,7 @@ constexpr double stage_limit = 0.7;
 constexpr int64_t least_pixels_for_exponent = 1024;
 constexpr uint32_t least_samples_for_exponent = 4;
 /// Growth of a stage's time, while only the preview's is known; and limits to what is measured.
-constexpr double first_growth = 4;
+constexpr double first_growth = 3;
 constexpr double least_growth = 1.5;
 constexpr double most_growth = 8;
 
