@@ -16,6 +16,10 @@ constexpr float step_share = 0.5f;
 constexpr float most_growth = 4.0f;
 /// Nodes end where transmittance falls below exp(-this); the last one's radiance stands for the rest.
 constexpr float most_optical_distance = 9.0f;
+/// Widest gap between records that those at its ends answer for, in their radii: farther apart than that two
+/// records that cover a ray leave no gap. Linear interpolation across it errs as much as one of them does at
+/// its border, at most; gaps get narrower as extents do.
+constexpr float widest_gap = 1.0f;
 /// Left over when steps stop adapting, so that the end is always reached.
 constexpr size_t reserve = 2 * bundle;
 
@@ -80,6 +84,7 @@ CameraMarch::CameraMarch(const transport::MediumSegment& segment, float first, f
   if (!(first < last) || !(first < hidden)) return;
   last_ = std::fmin(last, hidden);
   place_nodes(index, visibility, widest_step);
+  bridge_gaps();
   weigh();
   if (last > hidden) {
     for (int channel = 0; channel < 3; ++channel)
@@ -135,11 +140,28 @@ void CameraMarch::place_nodes(const cache::Index* index, const cache::Visibility
     for (size_t i = 0; i < size; ++i) {
       if (index != nullptr) index->recover_visible(points[i], Vec3f(0), visibility, found[i], scattered());
       MarchNode& node = nodes_[count_++];
-      node = {distances[i], found[i], Spectrum(0)};
+      node = {distances[i], found[i], found[i].radiance, found[i].weight > 0};
       next = wanted_step(node);
       if (adaptive && step > 2 * next) break;
     }
     if (adaptive) step = next;
+  }
+}
+
+void CameraMarch::bridge_gaps() {
+  for (size_t begin = 1, end = 1; begin < count_; begin = end + 1) {
+    bool hidden = false;  // by a surface between
+    for (end = begin; end < count_ && !nodes_[end].known; ++end)
+      hidden = hidden || nodes_[end].found.rejected > 0;
+    const MarchNode& before = nodes_[begin - 1];
+    if (begin == end || end == count_ || hidden || !before.known) continue;
+    const MarchNode& after = nodes_[end];
+    const float gap = after.t - before.t;
+    if (gap > widest_gap * std::fmin(before.found.radius, after.found.radius)) continue;
+    for (size_t i = begin; i < end; ++i) {
+      nodes_[i].radiance = glm::mix(before.radiance, after.radiance, (nodes_[i].t - before.t) / gap);
+      nodes_[i].known = true;
+    }
   }
 }
 

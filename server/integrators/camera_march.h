@@ -16,6 +16,8 @@ namespace fogbank::integrators {
 struct MarchNode {
   float t = 0;  ///< distance along the segment
   cache::Interpolation found;
+  Spectrum radiance{0};  ///< what the records say, or those on both sides across a short gap between them
+  bool known = false;    ///< whether there is such
   /// Integral of sigma_s times transmittance times the node's hat function: what a radiance of 1 here,
   /// falling to 0 at the neighbours, adds to what leaves the segment at its origin.
   Spectrum weight{0};
@@ -54,6 +56,7 @@ class CameraMarch {
 
  private:
   void place_nodes(const cache::Index* index, const cache::VisibilityTest& visibility, float widest_step);
+  void bridge_gaps();
   void weigh();
   MarchSample sample_hat(size_t number, float u) const;
   Spectrum transmittance_at(float t) const;

@@ -28,6 +28,8 @@ constexpr int32_t seen_surface_samples = 4;
 /// Paths from a surface that no record reaches, if the camera sees it: fine geometry that would take a record
 /// for every few pixels.
 constexpr uint32_t uncovered_surface_paths = 4;
+/// Paths from places along a camera ray that no record reaches.
+constexpr uint32_t uncovered_medium_paths = 4;
 constexpr int32_t later_surface_samples = 1;
 /// As the path tracer's (path_tracer.cpp).
 constexpr float most_survival = 0.999f;
@@ -92,6 +94,10 @@ RadianceCacheIntegrator::RadianceCacheIntegrator(std::shared_ptr<const transport
 void RadianceCacheIntegrator::publish(PublishedCache published, uint64_t records_new) {
   published_ = std::move(published);
   records_new_ += records_new;
+  const uint32_t paths = published_.photon_paths;
+  if (paths == (ending_photons_ ? ending_photons_->paths() : 0)) return;
+  ending_photons_ = paths > 0 ? photons(paths) : nullptr;
+  kernel_ = transport::PathTracer(world_, kernel_.settings(), ending_photons_);
 }
 
 const std::shared_ptr<cache::PhotonField>& RadianceCacheIntegrator::photons(uint32_t paths) {
@@ -157,9 +163,23 @@ Spectrum RadianceCacheIntegrator::scattered_path(const Walk& walk, const MediumI
                                                  RandomStream& random, RayCounters& counters) const {
   // Radiance from a direction that the phase function drew has a weight of 1.
   const transport::PhaseSample sample = medium.phase.sample(direction, random.next_vec2());
-  scene::Hit hit;
-  return kernel_.arriving_radiance({position, sample.direction, infinity}, walk.medium, walk.depth + 1,
-                                   random, counters, &hit);
+  return scattered_along(walk, {position, sample.direction, infinity}, walk.medium, random, counters);
+}
+
+Spectrum RadianceCacheIntegrator::scattered_along(const Walk& walk, const Ray& ray, int32_t medium,
+                                                  RandomStream& random, RayCounters& counters) const {
+  if (!walk.straight) {
+    scene::Hit hit;
+    return kernel_.arriving_radiance(ray, medium, walk.depth + 1, random, counters, &hit);
+  }
+  Walk next;
+  next.ray = ray;
+  next.medium = medium;
+  next.depth = walk.depth + 1;
+  next.sees_emission = false;
+  next.straight = false;
+  const PixelSample arriving = follow(next, random, counters);
+  return arriving.sampled + arriving.cached;
 }
 
 Spectrum RadianceCacheIntegrator::uncached_light(const Walk& walk, const MediumInfo& medium,
@@ -179,8 +199,9 @@ PixelSample RadianceCacheIntegrator::from_medium(const Walk& walk, const MediumS
   if (const auto direct = technique_.direct(medium); direct && walk.straight)
     sum = from_cache(walk, segment, *direct, random, counters);
   else if (walk.observer == nullptr)
-    sum = single_scattering_.sample(segment, walk.medium, walk.wants_cached, published_.epoch.get(), random,
-                                    counters);
+    sum = single_scattering_.sample(segment, walk.medium,
+                                    {.seen = walk.straight, .wants_cached = walk.wants_cached},
+                                    published_.epoch.get(), random, counters);
   else
     single_scattering_.observe(segment, walk.medium, published_.epoch.get(), walk.throughput, *walk.observer);
   // One scattering event more than for direct light.
@@ -226,26 +247,26 @@ Spectrum RadianceCacheIntegrator::from_records(const Walk& walk, const MediumSeg
   Spectrum sum(0);
   float uncovered = 0;
   for (const MarchNode& node : march.nodes()) {
-    sum += node.weight * node.found.radiance;
-    if (node.found.weight == 0) uncovered += mean(node.weight);
+    sum += node.weight * node.radiance;
+    if (!node.known) uncovered += mean(node.weight);
   }
   if (!(uncovered > 0)) return sum;
-  // One of the places that no record reaches, by weight.
-  float target = random.next_float() * uncovered;
-  size_t chosen = 0;
+  // Some of the places that no record reaches, by weight, evenly.
+  const float step = uncovered / static_cast<float>(uncovered_medium_paths);
+  float target = random.next_float() * step;
+  Spectrum paths(0);
   for (size_t i = 0; i < march.nodes().size(); ++i) {
     const MarchNode& node = march.nodes()[i];
-    if (node.found.weight > 0 || !(mean(node.weight) > 0)) continue;
-    chosen = i;
-    target -= mean(node.weight);
-    if (target < 0) break;
+    if (node.known) continue;
+    const float weight = mean(node.weight);
+    for (target -= weight; target < 0; target += step) {
+      const MarchSample place = march.sample_around(i, random);
+      paths += place.weight * (step / weight) *
+               uncached_light(walk, *segment.medium, quantity, segment.origin + segment.direction * place.t,
+                              segment.direction, random, counters);
+    }
   }
-  const float probability = mean(march.nodes()[chosen].weight) / uncovered;
-  const MarchSample place = march.sample_around(chosen, random);
-  return sum + place.weight / probability *
-                   uncached_light(walk, *segment.medium, quantity,
-                                  segment.origin + segment.direction * place.t, segment.direction, random,
-                                  counters);
+  return sum + paths;
 }
 
 PixelSample RadianceCacheIntegrator::from_random_place(const Walk& walk, const MediumSegment& segment,
@@ -384,10 +405,8 @@ Spectrum RadianceCacheIntegrator::arriving_by_paths(const Walk& walk,
     const uint32_t number = random.sample() * paths + i;
     const Vec3f direction = frame.to_world(square_to_cosine_hemisphere(
         {scrambled_sobol(number, 0, scrambles[0]), scrambled_sobol(number, 1, scrambles[1])}));
-    scene::Hit hit;
-    sum += kernel_.arriving_radiance({surface.spawn_origin(direction), direction, infinity},
-                                     world_->medium_beyond(surface, direction, walk.medium), walk.depth + 1,
-                                     random, counters, &hit);
+    sum += scattered_along(walk, {surface.spawn_origin(direction), direction, infinity},
+                           world_->medium_beyond(surface, direction, walk.medium), random, counters);
   }
   return sum / static_cast<float>(paths);
 }
@@ -426,13 +445,18 @@ bool RadianceCacheIntegrator::go_on(Walk& walk, const scene::SurfaceInteraction&
 PixelSample RadianceCacheIntegrator::walk_from(const Ray& ray, bool wants_cached, RandomStream& random,
                                                RayCounters& counters, LookUpObserver* observer) const {
   if (settings_.max_depth == 0) return {};
-  const scene::Scene& scene = world_->scene();
+  if (ending_photons_) ending_photons_->complete(counters);
   Walk walk;
   walk.ray = ray;
-  walk.medium = settings_.camera_medium.value_or(scene.sensor.medium);
+  walk.medium = settings_.camera_medium.value_or(world_->scene().sensor.medium);
   walk.sees_emission = !settings_.hide_emitters;
   walk.wants_cached = wants_cached;
   walk.observer = observer;
+  return follow(walk, random, counters);
+}
+
+PixelSample RadianceCacheIntegrator::follow(Walk& walk, RandomStream& random, RayCounters& counters) const {
+  const scene::Scene& scene = world_->scene();
   PixelSample radiance;
   while (!walk.ended) {
     scene::Hit hit;

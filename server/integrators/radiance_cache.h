@@ -23,6 +23,8 @@ struct PublishedCache {
   std::shared_ptr<const cache::Epoch> epoch;
   uint8_t generation = 0;    ///< of the records that the camera looks up
   float typical_radius = 0;  ///< of extents at the epoch's threshold, > 0: the step where no record reaches
+  uint32_t photon_paths =
+      0;  ///< that the photons which end paths where no record reaches come from; 0: none do
 };
 
 class RadianceCacheIntegrator final : public Integrator {
@@ -62,6 +64,8 @@ class RadianceCacheIntegrator final : public Integrator {
 
   PixelSample walk_from(const Ray& ray, bool wants_cached, RandomStream& random, RayCounters& counters,
                         LookUpObserver* observer) const;
+  /// Everything that arrives along the walk's ray.
+  PixelSample follow(Walk& walk, RandomStream& random, RayCounters& counters) const;
   PixelSample from_medium(const Walk& walk, const transport::MediumSegment& segment, RandomStream& random,
                           RayCounters& counters) const;
   /// Light of one quantity that the segment scatters, from records as far as the scene goes.
@@ -86,6 +90,11 @@ class RadianceCacheIntegrator final : public Integrator {
   /// `direction`, per sigma_s: one path.
   Spectrum scattered_path(const Walk& walk, const transport::MediumInfo& medium, const Vec3f& position,
                           const Vec3f& direction, RandomStream& random, RayCounters& counters) const;
+  /// Light that arrives along `ray`, scattered on its way; emission met by the ray itself is left out. `walk`
+  /// ends at the ray's origin. Sampled to the next records where the camera sees that place, as it would see
+  /// noise; to the emitters where a random direction led there.
+  Spectrum scattered_along(const Walk& walk, const Ray& ray, int32_t medium, RandomStream& random,
+                           RayCounters& counters) const;
   PixelSample from_surface(Walk& walk, const scene::SurfaceInteraction& surface, RandomStream& random,
                            RayCounters& counters) const;
   /// Light that reaches a Lambertian surface by at least one scattering event: what it would send out if it
@@ -114,6 +123,7 @@ class RadianceCacheIntegrator final : public Integrator {
   CachePilot pilot_;
   PublishedCache published_;
   std::shared_ptr<cache::PhotonField> photons_;
+  std::shared_ptr<cache::PhotonField> ending_photons_;  ///< of `kernel_`, may be null
 };
 
 }  // namespace fogbank::integrators

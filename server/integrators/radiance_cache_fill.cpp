@@ -295,8 +295,9 @@ void RadianceCacheFill::publish() {
   const PilotedMetric piloted = pilot_metric(target_.error);
   cache::MetricSettings metric = metric_of(piloted);
   metric.footprints = {{camera_.position(), camera_.pixel_angle()}};
-  integrator_.publish(
-      {std::make_shared<const cache::Epoch>(records, metric), generation_, piloted.typical_radius}, made);
+  integrator_.publish({std::make_shared<const cache::Epoch>(records, metric), generation_,
+                       piloted.typical_radius, generation_ > 0 ? photon_paths(target_.error) : 0},
+                      made);
 }
 
 PilotedMetric RadianceCacheFill::pilot_metric(double error) const {

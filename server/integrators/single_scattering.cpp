@@ -21,8 +21,9 @@ using transport::MediumSegment;
 
 namespace {
 
-/// Samples along one segment.
-constexpr int32_t samples = 4;
+/// Samples along one segment that the camera sees, along any other.
+constexpr int32_t seen_samples = 4;
+constexpr int32_t later_samples = 1;
 /// Of shadow maps, in cells; a cell is to be half a pixel wide or more.
 constexpr int32_t least_map_side = 128;
 constexpr int32_t most_map_side = 2048;
@@ -78,9 +79,14 @@ SingleScatteringTerm::Cached SingleScatteringTerm::cached(uint32_t light, int32_
 }
 
 PixelSample SingleScatteringTerm::sample(const MediumSegment& segment, int32_t medium_index,
-                                         bool wants_cached, const cache::Epoch* epoch, RandomStream& random,
-                                         RayCounters& counters) const {
-  PixelSample sum = sample_others(segment, medium_index, wants_cached, epoch, random, counters);
+                                         const SegmentUse& use, const cache::Epoch* epoch,
+                                         RandomStream& random, RayCounters& counters) const {
+  // For one sample shadow maps would only cost more rays.
+  const LightSubset subset =
+      use.seen && !shadow_maps_.empty() ? LightSubset::besides_parallel : LightSubset::all;
+  PixelSample sum = sample_some(segment, medium_index, subset, use.seen ? seen_samples : later_samples,
+                                use.wants_cached, epoch, random, counters);
+  if (subset == LightSubset::all) return sum;
   for (size_t i = 0; i < shadow_maps_.size(); ++i)
     if (const auto& map = shadow_maps_[i][static_cast<size_t>(medium_index)])
       sum.sampled += transport::in_scattered_parallel_light(*world_, world_->lights().parallel_lights()[i],
@@ -88,10 +94,10 @@ PixelSample SingleScatteringTerm::sample(const MediumSegment& segment, int32_t m
   return sum;
 }
 
-PixelSample SingleScatteringTerm::sample_others(const MediumSegment& segment, int32_t medium_index,
-                                                bool wants_cached, const cache::Epoch* epoch,
-                                                RandomStream& random, RayCounters& counters) const {
-  const LightSubset subset = shadow_maps_.empty() ? LightSubset::all : LightSubset::besides_parallel;
+PixelSample SingleScatteringTerm::sample_some(const MediumSegment& segment, int32_t medium_index,
+                                              LightSubset subset, int32_t samples, bool wants_cached,
+                                              const cache::Epoch* epoch, RandomStream& random,
+                                              RayCounters& counters) const {
   if (!looks_up())
     return {.sampled = transport::in_scattered_radiance_bundle(*world_, segment, medium_index, subset,
                                                                samples, random, counters)};

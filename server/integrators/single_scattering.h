@@ -17,6 +17,12 @@
 
 namespace fogbank::integrators {
 
+/// How a segment's light is wanted.
+struct SegmentUse {
+  bool seen = true;          ///< by the camera, straight or by mirrors and glass: worth more rays
+  bool wants_cached = true;  ///< PixelSample::cached; without, it is 0 for less time
+};
+
 /// One instance serves all threads; changed by `decide` alone.
 class SingleScatteringTerm {
  public:
@@ -36,9 +42,8 @@ class SingleScatteringTerm {
   double typical_radiance(std::span<const cache::Record> records) const;
 
   /// Radiance scattered once in `segment`, through `medium`, against its direction, with the transmittance up
-  /// to its origin; one sample of it. `epoch` may be null. Where no record reaches, light is sampled. Without
-  /// `wants_cached`, PixelSample::cached is 0 for less time.
-  PixelSample sample(const transport::MediumSegment& segment, int32_t medium, bool wants_cached,
+  /// to its origin; one sample of it. `epoch` may be null. Where no record reaches, light is sampled.
+  PixelSample sample(const transport::MediumSegment& segment, int32_t medium, const SegmentUse& use,
                      const cache::Epoch* epoch, RandomStream& random, RayCounters& counters) const;
   /// Tells of look-ups that `sample` would make along `segment`; `throughput` weighs them.
   void observe(const transport::MediumSegment& segment, int32_t medium, const cache::Epoch* epoch,
@@ -51,9 +56,10 @@ class SingleScatteringTerm {
     const cache::Index* index = nullptr;
   };
 
-  /// Of the lights that have no shadow maps.
-  PixelSample sample_others(const transport::MediumSegment& segment, int32_t medium, bool wants_cached,
-                            const cache::Epoch* epoch, RandomStream& random, RayCounters& counters) const;
+  /// Of the lights of `subset`, by so many samples.
+  PixelSample sample_some(const transport::MediumSegment& segment, int32_t medium,
+                          transport::LightSubset subset, int32_t samples, bool wants_cached,
+                          const cache::Epoch* epoch, RandomStream& random, RayCounters& counters) const;
   Cached cached(uint32_t light, int32_t medium, const cache::Epoch* epoch) const;
 
   std::shared_ptr<const transport::World> world_;

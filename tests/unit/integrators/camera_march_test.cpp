@@ -106,6 +106,54 @@ TEST(CameraMarch, LinearFieldOfRecordsIsIntegratedExactly) {
   }
 }
 
+TEST(CameraMarch, ShortGapsAreBridgedUnlessASurfaceMakesThem) {
+  // Extents have a radius of 1.
+  const auto record_at = [](float x, float radiance) {
+    cache::Record record;
+    record.position = {x, 0, 0};
+    record.radiance = Spectrum(radiance);
+    record.samples = 1;
+    record.id = 1 + static_cast<uint64_t>(10 * x);
+    return record;
+  };
+  cache::Record hidden = record_at(1.25f, 9);
+  for (int axis = 0; axis < 3; ++axis)
+    for (const float sign : {-1.0f, 1.0f}) {
+      Vec3f direction(0);
+      direction[axis] = sign;
+      hidden.depth.insert(direction, 1e-3f);
+    }
+  const auto gap_is_known = [&](std::vector<cache::Record> records) {
+    const float end = records[1].position.x;
+    cache::MetricSettings settings;
+    settings.threshold = 1;
+    settings.radiance_floor = 1e-3;
+    settings.maximum_radius = 1;
+    settings.guards.neighbour_clamp = false;
+    settings.guards.verify = false;
+    const cache::Epoch epoch(std::make_shared<cache::RecordSet>(std::move(records)), settings);
+    const transport::MediumInfo info = medium(Spectrum(0.1f), Spectrum(1));
+    const transport::MediumSegment segment{Vec3f(0), {1, 0, 0}, end, &info};
+    const CameraMarch march(segment, 0, end, epoch.find({}), blind, 0.1f);
+    int gap = 0;
+    int known = 0;
+    for (const MarchNode& node : march.nodes()) {
+      if (node.found.weight > 0) continue;
+      ++gap;
+      known += node.known ? 1 : 0;
+      if (!node.known) continue;
+      EXPECT_GT(node.radiance.x, 1);
+      EXPECT_LT(node.radiance.x, 3);
+    }
+    EXPECT_GT(gap, 0);
+    EXPECT_TRUE(known == 0 || known == gap);
+    return known > 0;
+  };
+  EXPECT_TRUE(gap_is_known({record_at(0, 1), record_at(2.5f, 3)}));
+  EXPECT_FALSE(gap_is_known({record_at(0, 1), record_at(4, 3)}));
+  EXPECT_FALSE(gap_is_known({record_at(0, 1), record_at(2.5f, 3), hidden}));
+}
+
 TEST(CameraMarch, SamplesAroundNodesAreUnbiased) {
   const transport::MediumInfo info = medium({0.3f, 1, 3}, Spectrum(0.7f));
   const transport::MediumSegment segment{Vec3f(0), {0, 0, 1}, infinity, &info};

@@ -58,7 +58,7 @@ class SingleScatteringTest : public ::testing::Test {
     epoch = std::make_shared<const cache::Epoch>(records, metric);
   }
 
-  std::pair<Mean, uint64_t> render(SingleScattering technique, uint32_t pixels) const {
+  std::pair<Mean, uint64_t> render(SingleScattering technique, uint32_t pixels, bool seen = true) const {
     SingleScatteringTerm term(world);
     term.decide({.single_scattering = technique}, camera, *records);
     EXPECT_EQ(term.looks_up(), technique == SingleScattering::cached);
@@ -66,7 +66,7 @@ class SingleScatteringTest : public ::testing::Test {
     RayCounters counters;
     for (uint32_t pixel = 0; pixel < pixels; ++pixel) {
       RandomStream random(4, pixel, 0, 0);
-      const PixelSample sample = term.sample(segment, medium, true, epoch.get(), random, counters);
+      const PixelSample sample = term.sample(segment, medium, {.seen = seen}, epoch.get(), random, counters);
       for (int c = 0; c < 3; ++c) {
         EXPECT_GE(sample.sampled[c], 0);
         EXPECT_GE(sample.cached[c], 0);
@@ -97,6 +97,14 @@ TEST_F(SingleScatteringTest, CachedTakesNoRaysForTheLightAndErrsByItsRecords) {
   }
   EXPECT_LT(static_cast<double>(cached_rays) / cached.count,
             0.7 * static_cast<double>(direct_rays) / direct.count);
+}
+
+TEST_F(SingleScatteringTest, SegmentsThatPathsMeetHaveTheSameLightForFewerRays) {
+  const auto [seen, rays] = render(SingleScattering::direct, 20000);
+  const auto [met, fewer_rays] = render(SingleScattering::direct, 60000, false);
+  for (int c = 0; c < 3; ++c)
+    EXPECT_NEAR(met.mean()[c], seen.mean()[c], 4.5 * std::sqrt(seen.variance()[c] + met.variance()[c])) << c;
+  EXPECT_LT(static_cast<double>(fewer_rays) / met.count, 0.5 * static_cast<double>(rays) / seen.count);
 }
 
 TEST_F(SingleScatteringTest, AsksForPlacesThatNoRecordReaches) {
