@@ -7,6 +7,7 @@
 
 #include "core/spherical_harmonics.h"
 #include "core/vector.h"
+#include "scene/medium.h"
 #include "transport/phase_function.h"
 
 namespace fogbank::cache {
@@ -16,7 +17,7 @@ namespace fogbank::cache {
 /// + 1) g^l P_l / 4 pi). What degrees above 3 would add, in units of the mean, is the most for light of one
 /// half of all directions: 11/16 |g|^5 = 0.053 at 0.6, 0.0017 at 0.3 (its degree 4 is 0); less for whatever
 /// is smoother. Beyond, records would blur what a forward lobe shows.
-inline constexpr float most_mean_cosine = 0.6f;
+inline constexpr float most_mean_cosine = scene::most_recorded_mean_cosine;
 
 /// Averages of radiance times spherical_harmonics() over all directions in which one looks, in units of the
 /// mean radiance: of each colour channel for degrees 1 and 2, of luminance for degree 3.

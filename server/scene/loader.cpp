@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
+#include <limits>
 
 #include "scene/bounds.h"
 #include "scene/fingerprint.h"
@@ -59,12 +61,20 @@ void build(const std::vector<ObjectPointer>& objects, SceneBuilder& builder) {
     scene.warnings.push_back("the scene has no <sensor>; a perspective camera at the origin is used");
 }
 
-/// Fog that scatters to all sides alike is what records of the cache hold; elsewhere paths do as well.
+bool has_records(const Medium& medium) {
+  if (medium.phase == nullptr || medium.phase->type == "isotropic") return true;
+  if (medium.phase->type != "hg") return false;
+  // As `transport` reads it, which refuses what is out of range.
+  constexpr double any = std::numeric_limits<double>::infinity();
+  const double mean_cosine = PropertyReader(*medium.phase).number("g", 0.8, -any, any);
+  return std::fabs(mean_cosine) <= static_cast<double>(most_recorded_mean_cosine);
+}
+
+/// Without fog that records hold paths do as well.
 std::string default_integrator(const Scene& scene) {
   const bool fog = std::ranges::any_of(scene.media, [](const Medium& medium) {
     const Spectrum sigma_s = medium.sigma_s();
-    return (sigma_s.x > 0 || sigma_s.y > 0 || sigma_s.z > 0) &&
-           (medium.phase == nullptr || medium.phase->type == "isotropic");
+    return (sigma_s.x > 0 || sigma_s.y > 0 || sigma_s.z > 0) && has_records(medium);
   });
   return fog ? "radiance-cache" : "volpath";
 }

@@ -8,6 +8,10 @@ namespace fogbank::scene {
 
 /// Homogeneous medium. `sigma_t` is per scene unit with the file's `scale` applied; albedo = sigma_s /
 /// sigma_t in [0, 1].
+/// Of phase functions, absolute: up to it radiance records hold what a medium scatters (why no more:
+/// cache/directional_shape.h).
+inline constexpr float most_recorded_mean_cosine = 0.6f;
+
 struct Medium {
   std::string id;
   Spectrum sigma_t{0};

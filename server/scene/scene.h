@@ -26,7 +26,7 @@ struct BoundingSphere {
 /// What the file's `<integrator>` and `<sampler>` ask for; a job may override each.
 struct RenderDefaults {
   /// Not the file's, whose "volpath" says no more than that it is to be rendered: the one that suits the
-  /// scene, "radiance-cache" where fog scatters to all sides alike.
+  /// scene, "radiance-cache" where records hold what fog scatters.
   std::string integrator = "volpath";
   int32_t max_depth = -1;  ///< path length in edges as in Mitsuba: 1 = emitted light only; -1 = unbounded
   /// Not the file's: on scenes/penumbra 2 has half to a third of the variance x time that 5 and 8 have.

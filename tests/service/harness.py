@@ -59,7 +59,7 @@ def fog_scene(*, width: int = 64, height: int = 48, samples: int = 4, extra: str
   </sensor>
   <medium type="homogeneous" id="fog">
     <rgb name="sigma_t" value="0.2, 0.25, 0.3"/><rgb name="albedo" value="0.8, 0.8, 0.7"/>
-    <phase type="hg"><float name="g" value="0.3"/></phase>
+    <phase type="hg"><float name="g" value="0.7"/></phase>
   </medium>
   <shape type="cube">
     <transform name="to_world"><scale value="6"/></transform>

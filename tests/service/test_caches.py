@@ -27,7 +27,7 @@ COARSE = 1.0
 def cached_scene(extra: str = "") -> bytes:
     """The room with isotropic fog, whose light is cached."""
     text = fog_scene(width=24, height=18, samples=2, extra=extra).decode()
-    isotropic = text.replace('<phase type="hg"><float name="g" value="0.3"/></phase>', '<phase type="isotropic"/>')
+    isotropic = text.replace('<phase type="hg"><float name="g" value="0.7"/></phase>', '<phase type="isotropic"/>')
     assert isotropic != text
     return isotropic.encode()
 

@@ -29,7 +29,7 @@ SETTINGS = {
     ),
 }
 # Records want a medium that scatters in all directions alike.
-SCENE = fog_scene().replace(b'<phase type="hg"><float name="g" value="0.3"/></phase>', b'<phase type="isotropic"/>')
+SCENE = fog_scene().replace(b'<phase type="hg"><float name="g" value="0.7"/></phase>', b'<phase type="isotropic"/>')
 
 
 @pytest.fixture(scope="module")

@@ -245,6 +245,24 @@ TEST(LoaderSensor, DefaultsAreMitsubas) {
   EXPECT_EQ(scene->sensor.medium, none);
 }
 
+TEST(LoaderMedia, FogThatRecordsHoldIsRenderedByThem) {
+  const auto integrator = [](const std::string& medium) {
+    return load(R"(<integrator type="path"/><medium type="homogeneous" id="fog">)" + medium +
+                R"(</medium><sensor type="perspective"><ref name="medium" id="fog"/></sensor>)")
+        ->defaults.integrator;
+  };
+  const auto lobe = [](const std::string& g) {
+    return R"(<phase type="hg"><float name="g" value=")" + g + R"("/></phase>)";
+  };
+  EXPECT_EQ(integrator(""), "radiance-cache");
+  EXPECT_EQ(integrator(lobe("0.6")), "radiance-cache");
+  EXPECT_EQ(integrator(lobe("-0.3")), "radiance-cache");
+  EXPECT_EQ(integrator(lobe("0.61")), "volpath");
+  EXPECT_EQ(integrator(R"(<phase type="hg"/>)"), "volpath");
+  EXPECT_EQ(integrator(R"(<float name="albedo" value="0"/>)"), "volpath");
+  EXPECT_EQ(load("")->defaults.integrator, "volpath");
+}
+
 TEST(LoaderSensor, FilmAndSampler) {
   const auto scene = load(R"(<integrator type="volpath"><integer name="max_depth" value="7"/>
       <integer name="rr_depth" value="3"/><boolean name="hide_emitters" value="true"/></integrator>
