@@ -126,4 +126,15 @@ Record take_record(ByteReader& bytes) {
   return record;
 }
 
+void append_record(std::string& bytes, const std::optional<Record>& record) {
+  append_bytes(bytes, static_cast<uint8_t>(record.has_value()));
+  if (record) append_record(bytes, *record);
+}
+
+std::optional<Record> take_optional_record(ByteReader& bytes) {
+  const auto flag = bytes.take<uint8_t>();
+  if (!bytes.ok() || flag > 1) refuse_poisoned("a flag is neither 0 nor 1");
+  return flag != 0 ? std::optional(take_record(bytes)) : std::nullopt;
+}
+
 }  // namespace fogbank::cache

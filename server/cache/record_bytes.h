@@ -2,6 +2,7 @@
 // segments instead (store/segment.h).
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "cache/record_maker.h"
@@ -21,6 +22,8 @@ void append_wish(std::string& bytes, const Wish& wish);
 void append_wish(std::string& bytes, const SpacedWish& wish);
 /// Every bit as it is.
 void append_record(std::string& bytes, const Record& record);
+/// Whether there is one, and the record.
+void append_record(std::string& bytes, const std::optional<Record>& record);
 
 // These throw Error(invalid_argument, "POISONED_RESULT") where the bytes end too soon or a number is out of
 // range. Whether the scene has such a medium or light is for the caller to see.
@@ -29,6 +32,7 @@ Component take_component(ByteReader& bytes);
 Wish take_wish(ByteReader& bytes);
 SpacedWish take_spaced_wish(ByteReader& bytes);
 Record take_record(ByteReader& bytes);
+std::optional<Record> take_optional_record(ByteReader& bytes);
 /// Number of elements of at least `smallest` bytes each: what is left holds as many.
 uint32_t take_count(ByteReader& bytes, size_t smallest);
 /// That nothing is left.

@@ -40,6 +40,8 @@ class RecordMaker {
   /// The record of `wish`: a pure function of (world, settings, wish), valid as validate() asks. Throws
   /// Interrupted soon after `counters.stop` was set.
   virtual Record make(const Wish& wish, RayCounters& counters) const = 0;
+  /// Record::id of that record, in no time.
+  virtual uint64_t id_of(const Wish& wish) const = 0;
 };
 
 /// Throws Error(invalid_argument, "INVALID_SETTINGS") naming the field.

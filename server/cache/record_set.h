@@ -88,6 +88,8 @@ class RecordSet {
                                                : nullptr;
   }
 
+  /// Of all records, in the set's order.
+  std::span<const uint64_t> ids() const { return ids_; }
   std::span<const uint64_t> ids(const ComponentRange& range) const {
     return std::span(ids_).subspan(range.first_record, range.record_count);
   }

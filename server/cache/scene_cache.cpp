@@ -17,6 +17,37 @@ constexpr std::chrono::seconds commit_delay{2};
 SceneCache::SceneCache(std::shared_ptr<SceneCache> original)
     : original_(std::move(original)), records_(original_->records()), epoch_(original_->epoch()) {}
 
+SceneCache::SceneCache(std::shared_ptr<SceneCache> original, std::shared_ptr<const RecordSet> records,
+                       std::shared_ptr<const RecordSet> all, Numbers spare)
+    : original_(std::move(original)),
+      spare_(std::move(all)),
+      spare_numbers_(std::move(spare)),
+      records_(std::move(records)),
+      epoch_(original_->epoch()) {}
+
+std::shared_ptr<SceneCache> SceneCache::fork(std::shared_ptr<SceneCache> original,
+                                             std::span<const uint64_t> ids) {
+  const std::shared_ptr<const RecordSet> all = original->records();
+  Numbers numbers;
+  numbers.reserve(all->size());
+  for (size_t i = 0; i < all->size(); ++i) numbers.emplace(all->ids()[i], i);
+  std::vector<Record> records;
+  records.reserve(ids.size());
+  for (const uint64_t id : ids) {
+    const auto number = numbers.extract(id);
+    if (number.empty()) return nullptr;
+    records.push_back(all->record(number.mapped()));
+  }
+  auto set = numbers.empty() ? all : std::make_shared<const RecordSet>(std::move(records));
+  return std::shared_ptr<SceneCache>(
+      new SceneCache(std::move(original), std::move(set), all, std::move(numbers)));
+}
+
+std::optional<Record> SceneCache::spare(uint64_t id) const {
+  const auto number = spare_numbers_.find(id);
+  return number != spare_numbers_.end() ? std::optional(spare_->record(number->second)) : std::nullopt;
+}
+
 SceneCache::SceneCache(std::shared_ptr<StoredCache> stored, const scene::FieldIdentity& field)
     : stored_(std::move(stored)), emission_(field.emission), records_(std::make_shared<const RecordSet>()) {
   storage_.stored = true;
@@ -45,6 +76,7 @@ uint64_t SceneCache::epoch() const {
 }
 
 StorageState SceneCache::storage() const {
+  if (original_ != nullptr) return original_->storage();
   const std::lock_guard lock(mutex_);
   StorageState state = storage_;
   for (const RecordSet& records : pending_) state.records_unsaved += records.size();
@@ -98,6 +130,7 @@ void SceneCache::reload() {
 }
 
 void SceneCache::save() {
+  if (original_ != nullptr) original_->save();
   if (stored_ == nullptr) return;
   std::unique_lock lock(mutex_);
   if (!pending_.empty()) ++added_;  // what couldn't be saved before is tried again

@@ -5,8 +5,11 @@
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <optional>
+#include <span>
 #include <string>
 #include <thread>
+#include <unordered_map>
 #include <vector>
 
 #include "cache/record_set.h"
@@ -34,6 +37,10 @@ class SceneCache {
   /// A fork: begins with what `original` holds, and what is added here is added there, too; what others add
   /// there never comes here.
   explicit SceneCache(std::shared_ptr<SceneCache> original);
+  /// A fork that begins with those of the original's records that have these ids, for a job that began when
+  /// there were no others; null if one is missing.
+  static std::shared_ptr<SceneCache> fork(std::shared_ptr<SceneCache> original,
+                                          std::span<const uint64_t> ids);
   /// What `stored` holds, for the emission that `field` is of, and all that is added later goes there. A
   /// folder that can't be read or written is a problem of storage(), not of the cache.
   SceneCache(std::shared_ptr<StoredCache> stored, const scene::FieldIdentity& field);
@@ -50,7 +57,12 @@ class SceneCache {
   /// "INVALID_RECORD"), and nothing is added then. Nobody who asks for records() waits meanwhile.
   void add(std::vector<Record> records);
 
-  /// Waits until all that was added is on the disk, or saving failed (storage().problem).
+  /// Of such a fork: a record that the original held when it was made, and that the fork began without: what
+  /// an interrupted job made last, for who would make it again.
+  std::optional<Record> spare(uint64_t id) const;
+
+  /// Waits until all that was added is on the disk, or saving failed (storage().problem). Of a fork: the
+  /// original's, as its storage() is.
   void save();
   /// Union with what is in the folder by now: imports, records of other processes.
   void reload();
@@ -62,7 +74,15 @@ class SceneCache {
   void run_writer();
   void save_pending(std::unique_lock<std::mutex>& lock);
 
-  std::shared_ptr<SceneCache> original_;  ///< of a fork
+  /// Which record of the original has an id.
+  using Numbers = std::unordered_map<uint64_t, size_t>;
+
+  SceneCache(std::shared_ptr<SceneCache> original, std::shared_ptr<const RecordSet> records,
+             std::shared_ptr<const RecordSet> all, Numbers spare);
+
+  std::shared_ptr<SceneCache> original_;    ///< of a fork
+  std::shared_ptr<const RecordSet> spare_;  ///< of a fork: all that the original held; or null
+  Numbers spare_numbers_;                   ///< in that, of those that the fork began without
   std::shared_ptr<StoredCache> stored_;
   std::vector<Spectrum> emission_;
   std::mutex adding_;         ///< one union at a time

@@ -172,6 +172,15 @@ class Integrator {
   virtual CacheCounts cache_counts() const { return {}; }
   /// Of the first preparation; while no task and no pass runs.
   virtual std::vector<Decision> decisions() const { return {}; }
+  /// What the finished preparations left besides the cache's records, for `restore` of a new integrator of
+  /// the same build; while no task and no pass runs. None where there is nothing yet, or it can't be
+  /// restored.
+  virtual std::optional<std::string> state() const { return std::nullopt; }
+  /// In place of the preparations after which `state` was taken, with a cache that holds the records of the
+  /// epoch that was published then and no others: that epoch is published, and what follows is as it would
+  /// have been. Before anything is prepared. `camera` as above. Throws Error(invalid_argument,
+  /// "POISONED_RESULT") for bytes that make no sense; unsupported "NOT_RESTORED" where `state` gives nothing.
+  virtual void restore(const CameraRays& camera, std::string_view state);
   /// As last published; null: none yet, or no cache.
   virtual std::shared_ptr<const cache::Epoch> epoch() const { return nullptr; }
   virtual CacheView cache_view(const Ray& /*ray*/, RandomStream& /*random*/,

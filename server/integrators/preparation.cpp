@@ -11,6 +11,10 @@ namespace {
 
 }  // namespace
 
+void Integrator::restore(const CameraRays& /*camera*/, std::string_view /*state*/) {
+  throw Error(ErrorKind::unsupported, "NOT_RESTORED", "this integrator's preparations can't be restored");
+}
+
 std::string Preparation::result(uint32_t /*task*/) const { refuse(); }
 
 void Preparation::accept(uint32_t /*task*/, std::string_view /*result*/) { refuse(); }

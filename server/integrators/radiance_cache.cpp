@@ -298,7 +298,7 @@ void RadianceCacheIntegrator::observe(const Ray& ray, RandomStream& random, RayC
 
 std::unique_ptr<Preparation> RadianceCacheIntegrator::prepare(const CameraRays& camera,
                                                               const CacheTarget& target) {
-  if (technique_.aware) single_scattering_.decide(settings_, camera, *cache_->records());
+  if (technique_.aware) single_scattering_.decide(settings_, camera, ratio_places(*cache_->records()));
   single_scattering_.map_shadows(camera);
   return std::make_unique<RadianceCacheFill>(*this, camera, target);
 }

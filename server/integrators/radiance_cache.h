@@ -21,6 +21,7 @@ namespace fogbank::integrators {
 /// What a finished preparation leaves for rendering.
 struct PublishedCache {
   std::shared_ptr<const cache::Epoch> epoch;
+  double error = 0;          ///< CacheTarget::error of the epoch's metric
   uint8_t generation = 0;    ///< of the records that the camera looks up
   float typical_radius = 0;  ///< of extents at the epoch's threshold, > 0: the step where no record reaches
   uint32_t photon_paths =
@@ -41,6 +42,11 @@ class RadianceCacheIntegrator final : public Integrator {
   std::vector<Decision> decisions() const override;
   CacheView cache_view(const Ray& ray, RandomStream& random, RayCounters& counters) const override;
   std::shared_ptr<const cache::Epoch> epoch() const override { return published_.epoch; }
+
+  // radiance_cache_state.cpp:
+
+  std::optional<std::string> state() const override;
+  void restore(const CameraRays& camera, std::string_view state) override;
 
   /// Tells `observer` of all look-ups along a camera path up to the first surface that scatters it in a
   /// random direction; samples nothing.

@@ -237,12 +237,19 @@ void RadianceCacheFill::run(uint32_t task, RayCounters& counters) {
       break;
     case Round::making:
     case Round::refining:
-      made_[task] = maker(granted_[task].component, levels_[task]).make(granted_[task], counters);
+      made_[task] = make_granted(task, counters);
       break;
     case Round::begin:
     case Round::done:
       break;
   }
+}
+
+cache::Record RadianceCacheFill::make_granted(uint32_t number, RayCounters& counters) const {
+  const cache::Wish& wish = granted_[number];
+  const cache::RecordMaker& its_maker = maker(wish.component, levels_[number]);
+  if (std::optional<cache::Record> known = integrator_.cache().spare(its_maker.id_of(wish))) return *known;
+  return its_maker.make(wish, counters);
 }
 
 template <typename EndRay>
@@ -295,9 +302,14 @@ void RadianceCacheFill::publish() {
   const PilotedMetric piloted = pilot_metric(target_.error);
   cache::MetricSettings metric = metric_of(piloted);
   metric.footprints = {{camera_.position(), camera_.pixel_angle()}};
-  integrator_.publish({std::make_shared<const cache::Epoch>(records, metric), generation_,
+  integrator_.publish({std::make_shared<const cache::Epoch>(records, metric), target_.error, generation_,
                        piloted.typical_radius, generation_ > 0 ? photon_paths(target_.error) : 0},
                       made);
+}
+
+void RadianceCacheFill::publish_as_it_is(uint8_t generation) {
+  generation_ = generation;
+  publish();
 }
 
 PilotedMetric RadianceCacheFill::pilot_metric(double error) const {

@@ -25,6 +25,9 @@ class RadianceCacheFill final : public Preparation {
   RadianceCacheFill(const RadianceCacheFill&) = delete;
   RadianceCacheFill& operator=(const RadianceCacheFill&) = delete;
 
+  /// In place of all rounds: publishes what the cache holds, as the target wants it seen. Needs the pilot.
+  void publish_as_it_is(uint8_t generation);
+
   uint32_t next_round() override;
   void run(uint32_t task, RayCounters& counters) override;
   double fraction() const override;
@@ -46,8 +49,7 @@ class RadianceCacheFill final : public Preparation {
   /// Throw as `accept` for what the scene and the fill know nothing of.
   void check(const cache::Component& component, uint8_t generation) const;
   std::vector<cache::Wish> take_wishes(cache::ByteReader& reader, uint8_t generation) const;
-  cache::Record take_record_of(cache::ByteReader& reader, const cache::Wish& wish) const;
-  std::optional<cache::Record> take_pilot_record(cache::ByteReader& reader, uint32_t place) const;
+  static void check_granted(const cache::Record& record, const cache::Wish& wish);
 
   /// Of the records that the camera is to see; needs the pilot.
   void choose_generation();
@@ -65,6 +67,8 @@ class RadianceCacheFill final : public Preparation {
   /// Record number `level` of a place. Makes the maker if need be: not while tasks run.
   void need_maker(const cache::Component& component, uint32_t level);
   const cache::RecordMaker& maker(const cache::Component& component, uint32_t level = 0) const;
+  /// The granted record, where one made it already, in vain, before the job was interrupted; else a new one.
+  cache::Record make_granted(uint32_t number, RayCounters& counters) const;
   uint64_t records_left() const;  ///< that the job may still make
   uint64_t add_made();            ///< to the cache; how many were new
   void leave_unfinished();

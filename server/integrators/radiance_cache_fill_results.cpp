@@ -25,18 +25,6 @@ std::string bytes_of(const std::vector<cache::SpacedWish>& wishes) {
   return bytes;
 }
 
-/// Present or not, and the record.
-void append_optional(std::string& bytes, const std::optional<cache::Record>& record) {
-  cache::append_bytes(bytes, static_cast<uint8_t>(record.has_value()));
-  if (record) cache::append_record(bytes, *record);
-}
-
-bool take_flag(cache::ByteReader& reader) {
-  const auto flag = reader.take<uint8_t>();
-  if (!reader.ok() || flag > 1) cache::refuse_poisoned("a flag is neither 0 nor 1");
-  return flag != 0;
-}
-
 }  // namespace
 
 void RadianceCacheFill::check(const cache::Component& component, uint8_t generation) const {
@@ -61,28 +49,17 @@ std::vector<cache::Wish> RadianceCacheFill::take_wishes(cache::ByteReader& reade
   return wishes;
 }
 
-cache::Record RadianceCacheFill::take_record_of(cache::ByteReader& reader, const cache::Wish& wish) const {
-  cache::Record record = cache::take_record(reader);
+void RadianceCacheFill::check_granted(const cache::Record& record, const cache::Wish& wish) {
   if (record.position != wish.position || record.component != wish.component)
     cache::refuse_poisoned("a record is of another place");
   if (record.id == 0) cache::refuse_poisoned("a record has no id");
-  return record;
-}
-
-std::optional<cache::Record> RadianceCacheFill::take_pilot_record(cache::ByteReader& reader,
-                                                                  uint32_t place) const {
-  if (!take_flag(reader)) return std::nullopt;
-  const cache::Record record = cache::take_record(reader);
-  if (record.component != integrator_.pilot().component(place))
-    cache::refuse_poisoned("a record of the pilot is of another component");
-  return record;
 }
 
 std::string RadianceCacheFill::result(uint32_t task) const {
   std::string bytes;
   switch (round_) {
     case Round::pilot:
-      append_optional(bytes, integrator_.pilot().record(task));
+      integrator_.pilot().append_to(bytes, task);
       break;
     case Round::probing:
       return bytes_of(found_[task]);
@@ -103,7 +80,7 @@ void RadianceCacheFill::accept(uint32_t task, std::string_view result) {
   cache::ByteReader reader(result);
   switch (round_) {
     case Round::pilot: {
-      const std::optional<cache::Record> record = take_pilot_record(reader, task);
+      const std::optional<cache::Record> record = integrator_.pilot().take_record(reader, task);
       cache::expect_end(reader);
       integrator_.pilot().set(task, record);
       break;
@@ -123,7 +100,8 @@ void RadianceCacheFill::accept(uint32_t task, std::string_view result) {
       break;
     case Round::making:
     case Round::refining: {
-      const cache::Record record = take_record_of(reader, granted_[task]);
+      const cache::Record record = cache::take_record(reader);
+      check_granted(record, granted_[task]);
       cache::expect_end(reader);
       made_[task] = record;
       break;
@@ -140,7 +118,7 @@ std::string RadianceCacheFill::outcome() {
   switch (round_) {
     case Round::pilot:
       for (uint32_t place = 0; place < integrator_.pilot().count(); ++place)
-        append_optional(bytes, integrator_.pilot().record(place));
+        integrator_.pilot().append_to(bytes, place);
       break;
     case Round::probing:
       return bytes_of(granted_);
@@ -153,7 +131,7 @@ std::string RadianceCacheFill::outcome() {
       // Those of a round that was dropped may be missing.
       for (const cache::Record& record : made_) {
         const bool done = record.id != 0;
-        append_optional(bytes, done ? std::optional(record) : std::nullopt);
+        cache::append_record(bytes, done ? std::optional(record) : std::nullopt);
       }
       break;
     case Round::begin:
@@ -168,7 +146,7 @@ void RadianceCacheFill::adopt(std::string_view outcome) {
   switch (round_) {
     case Round::pilot:
       for (uint32_t place = 0; place < integrator_.pilot().count(); ++place)
-        integrator_.pilot().set(place, take_pilot_record(reader, place));
+        integrator_.pilot().set(place, integrator_.pilot().take_record(reader, place));
       break;
     case Round::probing:
       granted_ = take_wishes(reader, generation_);
@@ -183,8 +161,11 @@ void RadianceCacheFill::adopt(std::string_view outcome) {
       break;
     case Round::making:
     case Round::refining:
-      for (size_t i = 0; i < made_.size(); ++i)
-        made_[i] = take_flag(reader) ? take_record_of(reader, granted_[i]) : cache::Record{};
+      for (size_t i = 0; i < made_.size(); ++i) {
+        const std::optional<cache::Record> record = cache::take_optional_record(reader);
+        if (record) check_granted(*record, granted_[i]);
+        made_[i] = record.value_or(cache::Record{});
+      }
       break;
     case Round::begin:
     case Round::done:

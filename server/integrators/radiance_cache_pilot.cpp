@@ -99,6 +99,13 @@ void CachePilot::make(uint32_t number, const cache::RecordMaker& maker, RayCount
   records_[number] = maker.make({*position, Vec3f(0), component(number)}, counters);
 }
 
+std::optional<cache::Record> CachePilot::take_record(cache::ByteReader& bytes, uint32_t number) const {
+  std::optional<cache::Record> record = cache::take_optional_record(bytes);
+  if (record && record->component != component(number))
+    cache::refuse_poisoned("a record of the pilot is of another component");
+  return record;
+}
+
 std::vector<cache::Record> CachePilot::records() const {
   std::vector<cache::Record> result;
   for (const std::optional<cache::Record>& record : records_)

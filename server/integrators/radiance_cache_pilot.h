@@ -4,9 +4,11 @@
 
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "cache/metric.h"
+#include "cache/record_bytes.h"
 #include "cache/record_maker.h"
 #include "integrators/medium_records.h"
 #include "transport/world.h"
@@ -35,9 +37,12 @@ class CachePilot {
   void make(uint32_t number, const cache::RecordMaker& maker, RayCounters& counters);
   /// In place of `make`, with the record that was made elsewhere.
   void set(uint32_t number, const std::optional<cache::Record>& record) { records_[number] = record; }
-  const std::optional<cache::Record>& record(uint32_t number) const { return records_[number]; }
   /// What the record of a place describes.
   const cache::Component& component(uint32_t number) const;
+  /// The record of a place, or that it has none, as bytes, and back again. Throws Error(invalid_argument,
+  /// "POISONED_RESULT").
+  void append_to(std::string& bytes, uint32_t number) const { cache::append_record(bytes, records_[number]); }
+  std::optional<cache::Record> take_record(cache::ByteReader& bytes, uint32_t number) const;
   std::vector<cache::Record> records() const;
   /// Metric that bounds the relative error at the border of typical extents by `border_error`. Extents are at
   /// most `maximum_radius`.

@@ -36,9 +36,10 @@ SingleScatteringTerm::SingleScatteringTerm(std::shared_ptr<const transport::Worl
     : world_(std::move(world)) {}
 
 void SingleScatteringTerm::decide(const IntegratorSettings& settings, const CameraRays& camera,
-                                  const cache::RecordSet& records) {
+                                  RatioPlaces there) {
   if (std::exchange(decided_, true)) return;
-  plan_ = single_scattering_plan(*world_, settings, camera, records);
+  ratios_then_ = std::move(there);
+  plan_ = single_scattering_plan(*world_, settings, camera, ratios_then_);
 }
 
 void SingleScatteringTerm::map_shadows(const CameraRays& camera) {

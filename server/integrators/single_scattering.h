@@ -28,9 +28,11 @@ class SingleScatteringTerm {
  public:
   explicit SingleScatteringTerm(std::shared_ptr<const transport::World> world);
 
-  /// Settles, once, which lights are looked up, by the settings or by predicted cost. `records`: what is
-  /// there. While nothing is rendered.
-  void decide(const IntegratorSettings& settings, const CameraRays& camera, const cache::RecordSet& records);
+  /// Settles, once, which lights are looked up, by the settings or by predicted cost. `there`: ratios that
+  /// there are. While nothing is rendered.
+  void decide(const IntegratorSettings& settings, const CameraRays& camera, RatioPlaces there);
+  /// What it was settled by.
+  const RatioPlaces& ratios_then() const { return ratios_then_; }
   /// Makes ready, once, for directional lights that are few enough. While nothing is rendered.
   void map_shadows(const CameraRays& camera);
   const std::vector<Decision>& decisions() const { return plan_.decisions; }
@@ -64,6 +66,7 @@ class SingleScatteringTerm {
 
   std::shared_ptr<const transport::World> world_;
   bool decided_ = false;
+  RatioPlaces ratios_then_;
   SingleScatteringPlan plan_;
   /// By LightSampler::parallel_lights(), then medium; none where a medium scatters nothing.
   std::vector<std::vector<std::unique_ptr<const transport::ShadowMap>>> shadow_maps_;

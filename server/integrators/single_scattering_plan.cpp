@@ -81,14 +81,6 @@ std::string seconds_text(double seconds) {
                               : std::to_string(std::lround(seconds)) + " s";
 }
 
-size_t count_records(const cache::RecordSet& records, uint32_t light) {
-  size_t count = 0;
-  for (const cache::ComponentRange& range : records.components())
-    if (range.component.quantity == cache::Quantity::ratio && range.component.light_group == light)
-      count += range.place_count;
-  return count;
-}
-
 /// Why records of the light can't be looked up; nothing if they can.
 std::optional<std::string> hindrance(const transport::Light& light,
                                      const std::vector<std::optional<LightProxy>>& proxies,
@@ -127,8 +119,18 @@ void decide_by_cost(const transport::World& world, const IntegratorSettings& set
 
 }  // namespace
 
+RatioPlaces ratio_places(const cache::RecordSet& records) {
+  RatioPlaces places;
+  for (const cache::ComponentRange& range : records.components()) {
+    if (range.component.quantity != cache::Quantity::ratio) continue;
+    places.resize(std::max<size_t>(places.size(), range.component.light_group + size_t{1}));
+    places[range.component.light_group] += range.place_count;
+  }
+  return places;
+}
+
 SingleScatteringPlan single_scattering_plan(const transport::World& world, const IntegratorSettings& settings,
-                                            const CameraRays& camera, const cache::RecordSet& records) {
+                                            const CameraRays& camera, const RatioPlaces& there) {
   SingleScatteringPlan result;
   const transport::LightSampler& lights = world.lights();
   if (lights.size() > most_lights) {
@@ -166,7 +168,8 @@ SingleScatteringPlan single_scattering_plan(const transport::World& world, const
       decision.on = true;
       decision.reason = "the settings ask for it";
     } else {
-      decide_by_cost(world, settings, shares[i], static_cast<double>(count_records(records, i)), decision);
+      const uint64_t places = i < there.size() ? there[i] : 0;
+      decide_by_cost(world, settings, shares[i], static_cast<double>(places), decision);
     }
     if (decision.on) result.proxies[i] = std::move(proxies);
   }

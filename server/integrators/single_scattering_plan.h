@@ -19,10 +19,14 @@ struct SingleScatteringPlan {
   std::vector<std::vector<std::optional<derivatives::LightProxy>>> proxies;
 };
 
+/// How many places have records of ratios, by light; of lights past the end: none.
+using RatioPlaces = std::vector<uint64_t>;
+RatioPlaces ratio_places(const cache::RecordSet& records);
+
 /// Where the settings leave it open, records of a light are looked up if what remains of them to be computed
-/// costs less CPU time than the shadow rays that they save: a function of the arguments alone. `records`:
-/// what is there.
+/// costs less CPU time than the shadow rays that they save: a function of the arguments alone. `there`: what
+/// need not be computed.
 SingleScatteringPlan single_scattering_plan(const transport::World& world, const IntegratorSettings& settings,
-                                            const CameraRays& camera, const cache::RecordSet& records);
+                                            const CameraRays& camera, const RatioPlaces& there);
 
 }  // namespace fogbank::integrators

@@ -77,6 +77,15 @@ void CacheSurvey::set_row(uint32_t row, const std::vector<float>& values) {
   }
 }
 
+std::vector<float> CacheSurvey::row(uint32_t row) const {
+  std::vector<float> values;
+  for (const std::vector<float>& channel : values_) {
+    const auto first = channel.begin() + static_cast<std::ptrdiff_t>(size_t{row} * columns_);
+    values.insert(values.end(), first, first + columns_);
+  }
+  return values;
+}
+
 std::string CacheSurvey::bytes_of(const std::vector<float>& values) {
   return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(float)};
 }

@@ -34,6 +34,8 @@ class CacheSurvey {
                           const integrators::CameraRays& camera, uint64_t seed, RayCounters& counters) const;
   /// Any number of rows at a time, by as many threads.
   void set_row(uint32_t row, const std::vector<float>& values);
+  /// The values of a row as `look` gives them.
+  std::vector<float> row(uint32_t row) const;
   /// A row's values as bytes, and back again. Throws Error(invalid_argument, "POISONED_RESULT").
   static std::string bytes_of(const std::vector<float>& values);
   std::vector<float> row_values(std::string_view bytes) const;

@@ -14,16 +14,16 @@
 
 namespace fogbank::render {
 
-// Layout, little-endian: magic, version, length and bytes of the identity, fixed fields, history, tiles
-// (the layers `sampled` and `narrow`: pixel count, then both sums of each pixel), and SHA-256 of all before
-// as 64 hexadecimal digits.
+// Layout, little-endian: magic, version, length and bytes of the identity, fixed fields, history,
+// progression, stage, tiles (the layers `sampled`, `narrow` and `cached`: pixel count, then both sums of each
+// pixel), and SHA-256 of all before as 64 hexadecimal digits.
 static_assert(std::endian::native == std::endian::little);
 static_assert(sizeof(PixelSums) == 6 * sizeof(double) && std::is_trivially_copyable_v<PixelSums>);
 
 namespace {
 
 constexpr std::string_view magic = "fogbankC";
-constexpr uint32_t version = 2;
+constexpr uint32_t version = 3;
 constexpr size_t digest_bytes = 64;
 
 [[noreturn]] void damaged(const std::string& why) {
@@ -69,6 +69,8 @@ class Encoder {
     put(static_cast<uint64_t>(text.size()));
     bytes_.append(text);
   }
+  /// Without their number.
+  void put_bytes(std::string_view bytes) { bytes_.append(bytes); }
   const std::string& bytes() const { return bytes_; }
 
  private:
@@ -148,6 +150,78 @@ HistoryEntry get_history_entry(Decoder& decoder) {
   return entry;
 }
 
+void put(Encoder& encoder, const Progression::State& state) {
+  encoder.put(static_cast<uint8_t>(state.prepares));
+  encoder.put(state.stages);
+  encoder.put(state.stage_error);
+  encoder.put(state.aim);
+  encoder.put(static_cast<uint8_t>(state.begin_with_pass));
+  encoder.put(state.decision_at);
+  encoder.put(static_cast<uint64_t>(state.looks.size()));
+  for (const Progression::Look& look : state.looks) {
+    encoder.put(look.samples);
+    encoder.put(look.disagreement);
+  }
+  encoder.put(state.cached_until);
+  encoder.put(state.preparation_seconds);
+  encoder.put(state.last_stage_seconds);
+  encoder.put(state.growth);
+  encoder.put(state.last_bias);
+}
+
+Progression::State get_progression(Decoder& decoder) {
+  Progression::State state;
+  state.prepares = decoder.get<uint8_t>() != 0;
+  state.stages = decoder.get<uint32_t>();
+  state.stage_error = decoder.get<double>();
+  state.aim = decoder.get<double>();
+  state.begin_with_pass = decoder.get<uint8_t>() != 0;
+  state.decision_at = decoder.get<uint32_t>();
+  state.looks.resize(decoder.get_count(sizeof(uint32_t) + sizeof(double)));
+  for (Progression::Look& look : state.looks) {
+    look.samples = decoder.get<uint32_t>();
+    look.disagreement = decoder.get<double>();
+  }
+  state.cached_until = decoder.get<uint32_t>();
+  state.preparation_seconds = decoder.get<double>();
+  state.last_stage_seconds = decoder.get<double>();
+  state.growth = decoder.get<double>();
+  state.last_bias = decoder.get<double>();
+  return state;
+}
+
+/// What all tiles have in common, of their cached layers.
+struct CachedLayers {
+  uint32_t first_sample = 0;
+  SampleCounts samples;
+};
+
+void put(Encoder& encoder, const CachedStage& stage, const CachedLayers& layers) {
+  encoder.put(static_cast<uint64_t>(stage.records.size()));
+  encoder.put_bytes(
+      {reinterpret_cast<const char*>(stage.records.data()), stage.records.size() * sizeof(uint64_t)});
+  encoder.put(std::string_view(stage.integrator));
+  encoder.put(std::string_view(stage.survey));
+  encoder.put(stage.reserved_seconds);
+  encoder.put(layers.first_sample);
+  encoder.put(layers.samples.even);
+  encoder.put(layers.samples.odd);
+}
+
+std::shared_ptr<const CachedStage> get_stage(Decoder& decoder, CachedLayers& layers) {
+  auto stage = std::make_shared<CachedStage>();
+  stage->records.resize(decoder.get_count(sizeof(uint64_t)));
+  const std::string_view ids = decoder.take(stage->records.size() * sizeof(uint64_t));
+  if (!ids.empty()) std::memcpy(stage->records.data(), ids.data(), ids.size());
+  stage->integrator = decoder.take(decoder.get<uint64_t>());
+  stage->survey = decoder.take(decoder.get<uint64_t>());
+  stage->reserved_seconds = decoder.get<double>();
+  layers.first_sample = decoder.get<uint32_t>();
+  layers.samples.even = decoder.get<uint32_t>();
+  layers.samples.odd = decoder.get<uint32_t>();
+  return stage;
+}
+
 void put(HashedFile& file, const std::vector<PixelSums>& layer) {
   Encoder count;
   count.put(static_cast<uint64_t>(layer.size()));
@@ -174,6 +248,16 @@ std::string head_of(const Checkpoint& checkpoint, const std::string& identity) {
   encoder.put(checkpoint.cpu_seconds);
   encoder.put(static_cast<uint64_t>(checkpoint.history.size()));
   for (const HistoryEntry& entry : checkpoint.history) put(encoder, entry);
+  put(encoder, checkpoint.progression);
+  encoder.put(static_cast<uint8_t>(checkpoint.stage != nullptr));
+  if (checkpoint.stage) {
+    CachedLayers layers;
+    if (!checkpoint.tiles.empty()) {
+      const TileFilm& any = *checkpoint.tiles.front();
+      layers = {.first_sample = any.first_cached_sample, .samples = any.cached_samples};
+    }
+    put(encoder, *checkpoint.stage, layers);
+  }
   encoder.put(static_cast<uint64_t>(checkpoint.tiles.size()));
   return encoder.bytes();
 }
@@ -192,6 +276,7 @@ void write_checkpoint(const std::filesystem::path& path, const Checkpoint& check
     for (const auto& tile : checkpoint.tiles) {
       put(file, tile->sampled);
       put(file, tile->narrow);
+      put(file, tile->cached);
     }
     FOGBANK_FAILPOINT("checkpoint.before_sync");
     file.finish();
@@ -223,13 +308,19 @@ Checkpoint read_checkpoint(const std::filesystem::path& path, const std::string&
   checkpoint.cpu_seconds = decoder.get<double>();
   checkpoint.history.resize(decoder.get_count(sizeof(double)));
   for (HistoryEntry& entry : checkpoint.history) entry = get_history_entry(decoder);
-  checkpoint.tiles.resize(decoder.get_count(sizeof(uint64_t)));
+  checkpoint.progression = get_progression(decoder);
+  CachedLayers layers;
+  if (decoder.get<uint8_t>() != 0) checkpoint.stage = get_stage(decoder, layers);
+  checkpoint.tiles.resize(decoder.get_count(3 * sizeof(uint64_t)));
   for (auto& tile : checkpoint.tiles) {
     auto film = std::make_shared<TileFilm>();
     film->passes = checkpoint.passes;
     film->samples = checkpoint.samples;
     film->sampled = get_layer(decoder);
     film->narrow = get_layer(decoder);
+    film->cached = get_layer(decoder);
+    film->first_cached_sample = layers.first_sample;
+    film->cached_samples = layers.samples;
     tile = std::move(film);
   }
   if (!decoder.at_end()) damaged("it is longer than it says");

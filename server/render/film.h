@@ -2,7 +2,8 @@
 // decides, which begins anew with each epoch. A third one holds what samples that are blurred would be with
 // less blur, for the estimate of their error. Memory: 48 bytes a pixel and layer; the second and third layer
 // exist only where an integrator prepares something, or blurs. A tile whose pass isn't finished yet is kept
-// as it was before, too (render_job.cpp), which makes it 96 bytes a pixel, or 192 with two layers.
+// as it was before, too (render_job.cpp), which makes it 96 bytes a pixel, or 192 with two layers; a
+// checkpoint that is being written may hold a third one.
 #pragma once
 
 #include <bit>

@@ -155,7 +155,7 @@ Completion RenderJob::Implementation::complete_tile(uint32_t its_stage, uint32_t
   if (stage != its_stage || films.is_done(task)) return Completion::ignored;
   account(result);
   if (!films.add(task, std::move(film), outdated)) return Completion::tile;
-  phase = Phase::planning;
+  end_pass();
   return Completion::last_tile;
 }
 

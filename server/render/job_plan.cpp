@@ -84,7 +84,7 @@ std::optional<RenderJob::Implementation::Phase> RenderJob::Implementation::plan(
     switch (step.kind) {
       case Step::Kind::finish:
         if (settings.aovs.empty() || settings.fill_only) return std::nullopt;
-        return begin_survey(Activity::aovs, 1, settings.aovs);
+        return begin_survey(Activity::aovs, CacheSurvey(settings.film.crop, 1, settings.aovs));
       case Step::Kind::pass:
         pass_samples = step.samples;
         pass_cached_samples = step.cached_samples;
@@ -150,7 +150,7 @@ std::optional<RenderJob::Implementation::Phase> RenderJob::Implementation::go_on
   }
   preparation = nullptr;
   if (settings.fill_only) return std::nullopt;
-  return begin_survey(Activity::survey, survey_stride(settings.film.crop), {Aov::variance, Aov::bias});
+  return begin_survey(Activity::survey, empty_bias_survey());
 }
 
 RenderJob::Implementation::Phase RenderJob::Implementation::go_on_preparing_pass() {
@@ -167,9 +167,12 @@ RenderJob::Implementation::Phase RenderJob::Implementation::go_on_preparing_pass
   return Phase::rendering;
 }
 
-RenderJob::Implementation::Phase RenderJob::Implementation::begin_survey(Activity what, int32_t stride,
-                                                                         std::vector<Aov> channels) {
-  survey = CacheSurvey(settings.film.crop, stride, std::move(channels));
+CacheSurvey RenderJob::Implementation::empty_bias_survey() const {
+  return {settings.film.crop, survey_stride(settings.film.crop), {Aov::variance, Aov::bias}};
+}
+
+RenderJob::Implementation::Phase RenderJob::Implementation::begin_survey(Activity what, CacheSurvey empty) {
+  survey = std::move(empty);
   const std::lock_guard lock(mutex);
   activity = what;
   unwanted = ended();
@@ -187,6 +190,7 @@ void RenderJob::Implementation::end_stage(bool dropped) {
   }
   preparation = nullptr;
   const integrators::CacheCounts counts = integrator->cache_counts();
+  std::shared_ptr<CachedStage> described = describe_stage();
   const std::lock_guard lock(mutex);
   told.epoch = counts.epoch;
   told.records_new = counts.records_new;
@@ -198,6 +202,8 @@ void RenderJob::Implementation::end_stage(bool dropped) {
     const double pixels = static_cast<double>(bias_survey.rows()) * bias_survey.columns();
     reserved_seconds = (now - survey_begin) * static_cast<double>(crop_pixels) / pixels;
   }
+  if (described) described->reserved_seconds = reserved_seconds;
+  cached_stage = std::move(described);
 }
 
 void RenderJob::Implementation::judge_pass() {

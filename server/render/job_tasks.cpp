@@ -52,6 +52,13 @@ void RenderJob::Implementation::end_task(const TaskCounters& counters) {
   cpu_seconds += thread_cpu_seconds() - counters.cpu_begin;
 }
 
+void RenderJob::Implementation::end_pass() {
+  phase = Phase::planning;
+  // The plan task, which changes it, has not begun.
+  progression_then = progression.state();
+  stage_of_pass = cached_stage;
+}
+
 bool RenderJob::Implementation::run_task(const PlanTask&, const std::atomic<bool>& stop) {
   TaskCounters counters{.rays = {}, .invalid_samples = 0, .cpu_begin = thread_cpu_seconds()};
   {
@@ -174,7 +181,7 @@ bool RenderJob::Implementation::run_task(const TileTask& task, const std::atomic
     return false;
   }
   if (!films.add(task, std::move(made), outdated)) return false;
-  phase = Phase::planning;
+  end_pass();
   return true;
 }
 

@@ -72,6 +72,7 @@ void PassFilms::resume(uint32_t passes, uint32_t samples, const std::vector<Tile
   for (size_t index = 0; index < films.size(); ++index) tiles_[index].current = films[index];
   passes_done_ = passes;
   samples_done_ = samples;
+  first_cached_sample_ = films.front()->first_cached_sample;
 }
 
 void PassFilms::drop_unfinished_pass() {

@@ -44,7 +44,7 @@ class PassFilms {
   bool is_done(const TileTask& task) const;
   /// True when that completed the pass. Gives back what memory was replaced, to be freed without the mutex.
   bool add(const TileTask& task, TileFilmPointer film, TileFilmPointer& outdated);
-  /// Before the first pass: the films of so many passes that are finished already.
+  /// Before the first pass: the films of so many passes that are finished already; at least one tile.
   void resume(uint32_t passes, uint32_t samples, const std::vector<TileFilmPointer>& films);
   /// Tiles that are ahead of the last finished pass fall back to it; no task is handed out any more.
   void drop_unfinished_pass();

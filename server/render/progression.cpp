@@ -68,7 +68,9 @@ integrators::IntegratorSettings integrator_settings(const RenderSettings& settin
 }
 
 Progression::Progression(const RenderSettings& settings, uint32_t most_samples)
-    : settings_(settings), most_samples_(most_samples), aim_(cache_error(settings)) {}
+    : settings_(settings), most_samples_(most_samples) {
+  state_.aim = cache_error(settings);
+}
 
 uint32_t Progression::pass_count() const {
   if (settings_.time_budget_seconds > 0 || settings_.error > 0 || settings_.record_budget > 0) return 0;
@@ -77,20 +79,20 @@ uint32_t Progression::pass_count() const {
 }
 
 void Progression::stage_ended(double seconds, bool dropped) {
-  preparation_seconds_ += seconds;
-  growth_ = stages_ > 1
-                ? std::clamp(seconds / std::fmax(last_stage_seconds_, 1e-9), least_growth, most_growth)
-                : first_growth;
-  last_stage_seconds_ = seconds;
-  if (dropped) prepares_ = false;
-  looks_.clear();
+  state_.preparation_seconds += seconds;
+  state_.growth = state_.stages > 1 ? std::clamp(seconds / std::fmax(state_.last_stage_seconds, 1e-9),
+                                                 least_growth, most_growth)
+                                    : first_growth;
+  state_.last_stage_seconds = seconds;
+  if (dropped) state_.prepares = false;
+  state_.looks.clear();
 }
 
 double Progression::noise(double disagreement, uint32_t samples) const {
   const int64_t pixels = int64_t{settings_.film.crop.width} * settings_.film.crop.height;
   const auto after = std::ranges::partition_point(
-      looks_, [&](const Look& before) { return 2 * uint64_t{before.samples} <= samples; });
-  if (pixels < least_pixels_for_exponent || after == looks_.begin() || !(disagreement > 0))
+      state_.looks, [&](const Look& before) { return 2 * uint64_t{before.samples} <= samples; });
+  if (pixels < least_pixels_for_exponent || after == state_.looks.begin() || !(disagreement > 0))
     return disagreement;
   const Look& before = *std::prev(after);
   const double fallen = 2 * std::log(before.disagreement / disagreement);
@@ -100,15 +102,15 @@ double Progression::noise(double disagreement, uint32_t samples) const {
 
 void Progression::look(const Standing& standing) {
   if (standing.samples >= least_samples_for_exponent && standing.disagreement > 0)
-    looks_.push_back({standing.samples, standing.disagreement});
+    state_.looks.push_back({standing.samples, standing.disagreement});
   // What was asked for by number is taken in full.
-  cached_until_ = no_limit;
+  state_.cached_until = no_limit;
   if (settings_.error == 0 && settings_.time_budget_seconds == 0) return;
   const uint32_t end =
-      decision_at_ > standing.samples ? decision_at_ : standing.samples + pass(standing).samples;
+      state_.decision_at > standing.samples ? state_.decision_at : standing.samples + pass(standing).samples;
   const double wanted = std::ceil(standing.cached_share * end) - standing.cached_samples;
-  cached_until_ = standing.samples +
-                  static_cast<uint32_t>(std::clamp(wanted, 0.0, static_cast<double>(end - standing.samples)));
+  state_.cached_until = standing.samples + static_cast<uint32_t>(std::clamp(
+                                               wanted, 0.0, static_cast<double>(end - standing.samples)));
 }
 
 double Progression::seconds_left(const Standing& standing) const {
@@ -116,13 +118,13 @@ double Progression::seconds_left(const Standing& standing) const {
 }
 
 double Progression::seconds_of_a_sample(const Standing& standing) const {
-  return (standing.elapsed_seconds - preparation_seconds_) / std::max(standing.samples, 1u);
+  return (standing.elapsed_seconds - state_.preparation_seconds) / std::max(standing.samples, 1u);
 }
 
 Step Progression::prepare(double error, bool preview, const Standing& standing) {
-  ++stages_;
-  stage_error_ = error;
-  begin_with_pass_ = true;
+  ++state_.stages;
+  state_.stage_error = error;
+  state_.begin_with_pass = true;
   Step step;
   step.kind = Step::Kind::prepare;
   step.target = {error, preview};
@@ -147,8 +149,10 @@ Step Progression::pass(const Standing& standing) const {
     step.samples = samples_of_next_pass(standing.samples, in_all, tile_pixels, most_samples_);
   }
   if (step.samples == 0) step.kind = Step::Kind::finish;
-  if (decision_at_ > standing.samples) step.samples = std::min(step.samples, decision_at_ - standing.samples);
-  step.cached_samples = std::min(step.samples, cached_until_ - std::min(cached_until_, standing.samples));
+  if (state_.decision_at > standing.samples)
+    step.samples = std::min(step.samples, state_.decision_at - standing.samples);
+  step.cached_samples =
+      std::min(step.samples, state_.cached_until - std::min(state_.cached_until, standing.samples));
   return step;
 }
 
@@ -159,29 +163,30 @@ bool Progression::good_enough(const Standing& standing) const {
   if (standing.samples * static_cast<uint64_t>(pixels) < least_samples_of_film) return false;
   if (std::hypot(*standing.noise, standing.bias) <= settings_.error) return true;
   // What is left is bias, and nothing can be done about that.
-  return !prepares_ && !standing.bias_falls && standing.bias > settings_.error &&
+  return !state_.prepares && !standing.bias_falls && standing.bias > settings_.error &&
          *standing.noise < 0.5 * standing.bias;
 }
 
 bool Progression::fits(const Standing& standing) const {
   const double left = seconds_left(standing) - 2 * seconds_of_a_sample(standing);
-  return growth_ * last_stage_seconds_ <= stage_share * left;
+  return state_.growth * state_.last_stage_seconds <= stage_share * left;
 }
 
 std::optional<double> Progression::finer_target(const Standing& standing) {
   const auto most = static_cast<uint64_t>(settings_.integrator_settings.most_records);
-  if (standing.records_new >= most || stage_error_ <= RenderLimits::smallest_error) prepares_ = false;
+  if (standing.records_new >= most || state_.stage_error <= RenderLimits::smallest_error)
+    state_.prepares = false;
   // The cached layer begins anew with a stage: one sample at least must follow.
-  if (!prepares_ || standing.samples >= static_cast<uint32_t>(settings_.samples_per_pixel))
+  if (!state_.prepares || standing.samples >= static_cast<uint32_t>(settings_.samples_per_pixel))
     return std::nullopt;
   const bool timed = settings_.time_budget_seconds > 0;
   if (timed && !fits(standing)) return std::nullopt;
-  if (settings_.record_budget > 0 && stage_error_ > finest_for_records) {
-    return std::fmax(cautious_factor * stage_error_, finest_for_records);
+  if (settings_.record_budget > 0 && state_.stage_error > finest_for_records) {
+    return std::fmax(cautious_factor * state_.stage_error, finest_for_records);
   }
   if (timed) {
     if (!standing.noise || standing.bias <= *standing.noise) return std::nullopt;
-    return std::fmax(cautious_factor * stage_error_, RenderLimits::smallest_error);
+    return std::fmax(cautious_factor * state_.stage_error, RenderLimits::smallest_error);
   }
   if (settings_.record_budget > 0 && settings_.error == 0) return std::nullopt;
   if (settings_.error == 0) {
@@ -190,45 +195,47 @@ std::optional<double> Progression::finer_target(const Standing& standing) {
     const double left_in_the_end =
         *standing.noise * std::sqrt(static_cast<double>(standing.samples) / settings_.samples_per_pixel);
     if (standing.bias <= left_in_the_end) return std::nullopt;
-    return std::fmax(cautious_factor * stage_error_, RenderLimits::smallest_error);
+    return std::fmax(cautious_factor * state_.stage_error, RenderLimits::smallest_error);
   }
   if (standing.bias <= bias_share * settings_.error) return std::nullopt;
   // The estimate is what counts, not what the stage aimed at; but a bias that doesn't fall won't.
-  if (last_bias_ > 0 && standing.bias > worthwhile * last_bias_) {
-    prepares_ = false;
+  if (state_.last_bias > 0 && standing.bias > worthwhile * state_.last_bias) {
+    state_.prepares = false;
     return std::nullopt;
   }
-  last_bias_ = standing.bias;
+  state_.last_bias = standing.bias;
   const double factor =
       std::clamp(bias_share * bias_share * settings_.error / standing.bias, stage_factor, cautious_factor);
-  aim_ = std::fmax(factor * stage_error_, RenderLimits::smallest_error);
-  return aim_;
+  state_.aim = std::fmax(factor * state_.stage_error, RenderLimits::smallest_error);
+  return state_.aim;
 }
 
 std::optional<Step> Progression::first_steps(const Standing& standing) {
-  if (stages_ > 0 || !prepares_) return std::nullopt;
+  if (state_.stages > 0 || !state_.prepares) return std::nullopt;
   // Who makes no records reads them as finely as the picture is to be at once: no stage can follow.
   const bool reads_only = settings_.integrator_settings.most_records == 0;
-  return prepare(reads_only ? aim_ : std::fmax(preview_error, aim_), true, standing);
+  return prepare(reads_only ? state_.aim : std::fmax(preview_error, state_.aim), true, standing);
 }
 
 Step Progression::next(const Standing& standing) {
-  if (settings_.fill_only) return stages_ == 0 && prepares_ ? prepare(aim_, false, standing) : Step{};
+  if (settings_.fill_only)
+    return state_.stages == 0 && state_.prepares ? prepare(state_.aim, false, standing) : Step{};
   if (const std::optional<Step> first = first_steps(standing)) return *first;
   // Every stage is shown by a sample, if there are enough of them.
   const bool more_than_one = standing.samples + 1 < static_cast<uint32_t>(settings_.samples_per_pixel);
-  if (begin_with_pass_ && more_than_one) {
-    begin_with_pass_ = false;
-    decision_at_ = standing.samples + 1;
-    cached_until_ = no_limit;
+  if (state_.begin_with_pass && more_than_one) {
+    state_.begin_with_pass = false;
+    state_.decision_at = standing.samples + 1;
+    state_.cached_until = no_limit;
     return pass(standing);
   }
-  if (standing.samples >= decision_at_ || settings_.time_budget_seconds > 0) {
+  if (standing.samples >= state_.decision_at || settings_.time_budget_seconds > 0) {
     if (good_enough(standing)) return {};
     if (const std::optional<double> error = finer_target(standing)) return prepare(*error, false, standing);
-    decision_at_ = standing.samples +
-                   std::max(1u, static_cast<uint32_t>(looks_apart * static_cast<double>(standing.samples)));
-    if (settings_.error == 0) decision_at_ = 0;
+    state_.decision_at =
+        standing.samples +
+        std::max(1u, static_cast<uint32_t>(looks_apart * static_cast<double>(standing.samples)));
+    if (settings_.error == 0) state_.decision_at = 0;
     look(standing);
   }
   return pass(standing);

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "integrators/integrator.h"
@@ -44,12 +45,36 @@ integrators::IntegratorSettings integrator_settings(const RenderSettings& settin
 
 class Progression {
  public:
+  struct Look {
+    uint32_t samples = 0;
+    double disagreement = 0;
+  };
+  /// Between two steps: what it knows besides what it was made with.
+  struct State {
+    bool prepares = true;  ///< finer stages are possible
+    uint32_t stages = 0;
+    double stage_error = 0;        ///< of the last stage
+    double aim = 0;                ///< what the stages come down to
+    bool begin_with_pass = false;  ///< the stage before has not been seen yet
+    uint32_t decision_at = 0;      ///< samples at which results are looked at next
+    std::vector<Look> looks;       ///< at results of this stage, of so many samples that their noise counts
+    uint32_t cached_until = 0;     ///< the number of the first sample that doesn't look at the cache
+    double preparation_seconds = 0;
+    double last_stage_seconds = 0;
+    double growth = 0;     ///< of seconds from stage to stage
+    double last_bias = 0;  ///< when it was last found too large; 0: never
+  };
+
   /// `most_samples`: of a pass, >= 1.
   Progression(const RenderSettings& settings, uint32_t most_samples);
 
+  const State& state() const { return state_; }
+  /// Goes on as the one would that `state` is of, which was made with the same settings.
+  void restore(State state) { state_ = std::move(state); }
+
   Step next(const Standing& standing);
   /// The integrator has nothing to prepare.
-  void nothing_to_prepare() { prepares_ = false; }
+  void nothing_to_prepare() { state_.prepares = false; }
   /// The stage that the last step began has ended. `dropped`: for want of time.
   void stage_ended(double seconds, bool dropped);
   /// Noise of an image of `samples` a pixel whose half buffers disagree by so much (relative_disagreement).
@@ -77,22 +102,7 @@ class Progression {
 
   RenderSettings settings_;
   uint32_t most_samples_;  ///< of a pass
-  bool prepares_ = true;   ///< finer stages are possible
-  uint32_t stages_ = 0;
-  double stage_error_ = 0;        ///< of the last stage
-  double aim_ = 0;                ///< what the stages come down to
-  bool begin_with_pass_ = false;  ///< the stage before has not been seen yet
-  uint32_t decision_at_ = 0;      ///< samples at which results are looked at next
-  struct Look {
-    uint32_t samples = 0;
-    double disagreement = 0;
-  };
-  std::vector<Look> looks_;    ///< of this stage, at least `least_samples` of noise
-  uint32_t cached_until_ = 0;  ///< the number of the first sample that doesn't look at the cache
-  double preparation_seconds_ = 0;
-  double last_stage_seconds_ = 0;
-  double growth_ = 0;     ///< of seconds from stage to stage
-  double last_bias_ = 0;  ///< when it was last found too large; 0: never
+  State state_;
 };
 
 }  // namespace fogbank::render

@@ -98,12 +98,15 @@ class RenderJob {
   /// Throws Error(invalid_argument, "NO_SUCH_TILE").
   TilePixels tile(uint32_t index) const;
   Image image() const;
-  /// As after the last finished pass, for `resume`; none before the first one, and none where the film has a
-  /// cached layer, as the records of its epoch are not the job's. Waits for nothing.
+  /// As after the last finished pass, for `resume`. None before the first one; none of a leased job whose
+  /// film has a cached layer, as replicas need its whole log. Its records lie in the cache: they are to be on
+  /// the disk (SceneCache::save) before it is. Waits for nothing.
   std::optional<Checkpoint> checkpoint() const;
   /// Goes on from there, to the same image as without the interruption; before any task was taken. The
-  /// checkpoint must be of a job with this scene and these settings, else Error(data_loss,
-  /// "CHECKPOINT_DAMAGED") where that shows, and the job is as before.
+  /// checkpoint must be of a job with this scene and these settings, and the job's cache must hold the
+  /// checkpoint's records and no others (SceneCache::fork); else Error: data_loss "CHECKPOINT_DAMAGED",
+  /// invalid_argument "POISONED_RESULT", where that shows, and the job is of no use any more. Leaves the
+  /// thread prepared for rendering.
   void resume(const Checkpoint& checkpoint);
   /// The job after each pass, oldest first; thinned out evenly where there were more than 256 of them.
   std::vector<HistoryEntry> history() const;

@@ -48,6 +48,10 @@ struct RenderJob::Implementation {
   std::optional<Clock::time_point> pass_deadline() const;
   std::optional<Task> take();
   void end_task(const TaskCounters& counters);
+  /// The last tile of a pass is done.
+  void end_pass();
+  /// Throws as `resume`.
+  void resume_stage(const Checkpoint& checkpoint);
   Progress progress() const;
 
   // These without it.
@@ -76,7 +80,10 @@ struct RenderJob::Implementation {
   std::optional<Phase> go_on_preparing();
   Phase go_on_preparing_pass();
   void end_stage(bool dropped);
-  Phase begin_survey(Activity what, int32_t stride, std::vector<Aov> channels);
+  Phase begin_survey(Activity what, CacheSurvey empty);
+  CacheSurvey empty_bias_survey() const;
+  /// What a checkpoint is to have of the stage that has ended; null where it can't be continued.
+  std::shared_ptr<CachedStage> describe_stage() const;
   void judge_pass();
   Standing standing() const;
 
@@ -115,7 +122,10 @@ struct RenderJob::Implementation {
   double reserved_seconds = 0;  ///< of a time budget, for AOVs
   std::optional<Clock::time_point> preparation_deadline;
   bool preparation_dropped = false;
-  Progress told;  ///< what the plan task finds out
+  Progress told;                                       ///< what the plan task finds out
+  std::shared_ptr<const CachedStage> cached_stage;     ///< as the next pass sees it
+  std::shared_ptr<const CachedStage> stage_of_pass;    ///< as the last finished pass saw it
+  std::optional<Progression::State> progression_then;  ///< when that pass was finished
   std::vector<HistoryEntry> history;
   std::vector<ImageChannel> aovs;
   uint64_t rays = 0;

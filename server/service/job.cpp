@@ -92,7 +92,7 @@ int64_t Job::film_bytes() const {
   if (fill_only()) return 0;
   // Two half buffers of each layer, twice while one pass follows another (render/film.h); and once more for
   // a checkpoint that is being written.
-  const int64_t pixel_bytes = uses_cache() ? 192 : 96 + 48;
+  const int64_t pixel_bytes = (uses_cache() ? 2 : 1) * 3 * 48;
   return pixel_bytes * settings_.crop().width() * settings_.crop().height();
 }
 
@@ -111,16 +111,15 @@ std::optional<uint64_t> Job::epoch() const {
   return settings_.has_epoch() ? std::optional<uint64_t>(settings_.epoch()) : std::nullopt;
 }
 
-void Job::start(std::shared_ptr<const transport::World> world, render::RenderSettings engine,
+void Job::start(const std::shared_ptr<const transport::World>& world, render::RenderSettings engine,
                 double load_seconds) {
+  if (ended()) return;
   scene_fingerprint_ = world->scene().fingerprint;
   std::optional<scene::FieldIdentity> field;
   if (engine.integrator_settings.cache) field = cache::record_field(world->scene(), max_depth());
   std::shared_ptr<render::RenderJob> render_job;
   try {
-    render_job = std::make_shared<render::RenderJob>(
-        std::move(world), engine, leased() ? render::Performers::replicas : render::Performers::caller);
-    resume_from_checkpoint(*render_job);
+    render_job = make_render_job(world, engine);
   } catch (...) {
     fail(to_rpc_error(std::current_exception()));
     return;

@@ -13,6 +13,7 @@
 
 #include "fogbank/v1/farm.pb.h"
 #include "fogbank/v1/render.pb.h"
+#include "render/checkpoint.h"
 #include "render/task.h"
 #include "service/job_settings.h"
 #include "service/job_store.h"
@@ -87,7 +88,7 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   /// Gives it its scene and the engine's settings, with the cache and the reference image if it uses any;
   /// tasks can be taken from now on. Goes on from a checkpoint if there is one. Nothing happens if it has
   /// ended.
-  void start(std::shared_ptr<const transport::World> world, render::RenderSettings engine,
+  void start(const std::shared_ptr<const transport::World>& world, render::RenderSettings engine,
              double load_seconds);
   /// Ends it with an error, as soon as no task of it runs.
   void fail(const RpcError& error);
@@ -172,9 +173,20 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   /// Keeps the epoch that a job without a picture has brought about.
   void keep_epoch(v1::JobResult& result);
   void end(v1::Job description);
-  /// Everything that a film depends on besides the number of its samples. From `start` on.
+  /// Can a later life of the server go on with it? Not with jobs that read what lies in memory only. Leased
+  /// ones with a cache keep the first checkpoint: their replicas follow them from their beginning.
+  bool keeps_checkpoints() const;
+  /// Everything that a film depends on besides the number of its samples and the cache's records. From
+  /// `start` on.
   std::string checkpoint_identity() const;
-  void resume_from_checkpoint(render::RenderJob& job) const;
+  /// The checkpoint of an earlier life, if there is one that can be read.
+  std::optional<render::Checkpoint> read_checkpoint() const;
+  /// The engine's job, from its checkpoint or from its beginning.
+  std::shared_ptr<render::RenderJob> make_render_job(const std::shared_ptr<const transport::World>& world,
+                                                     const render::RenderSettings& engine);
+  /// Of a job with a cache, before any record of it is on the disk: which ones it begins with, so that it can
+  /// begin with the same ones again.
+  void write_first_checkpoint(cache::SceneCache& records);
   /// Has a checkpoint written when enough has been rendered since the last one; with `mutex_` held.
   void checkpoint_if_due();
   /// In the writer's thread.

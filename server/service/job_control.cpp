@@ -4,9 +4,10 @@
 
 #include <algorithm>
 
+#include "cache/scene_cache.h"
+#include "core/error.h"
 #include "core/failpoint.h"
 #include "core/sha256.h"
-#include "render/checkpoint.h"
 #include "service/build_id.h"
 #include "service/job.h"
 #include "service/limits.h"
@@ -19,7 +20,14 @@ namespace {
 // What the first checkpoint of a job is expected to take, before one was timed: two syncs and a slow disk.
 constexpr double expected_sync_seconds = 0.02;
 constexpr double expected_bytes_per_second = 2e8;
-constexpr double film_bytes_per_pixel = 48;
+constexpr double film_bytes_per_pixel = 48;  // and layer
+
+/// A checkpoint that names records is of no use without them.
+void save_records(cache::SceneCache& records) {
+  records.save();
+  if (const std::string problem = records.storage().problem; !problem.empty())
+    throw Error(ErrorKind::internal, "RECORDS_NOT_SAVED", problem);
+}
 
 }  // namespace
 
@@ -115,23 +123,70 @@ std::string Job::checkpoint_identity() const {
   return sha256(scene_fingerprint_ + build_id() + canonical_bytes(settings_));
 }
 
-void Job::resume_from_checkpoint(render::RenderJob& job) const {
+bool Job::keeps_checkpoints() const { return !fill_only() && !(uses_cache() && epoch()); }
+
+std::optional<render::Checkpoint> Job::read_checkpoint() const {
   std::error_code ignored;
-  if (uses_cache() || !std::filesystem::exists(checkpoint_path(), ignored)) return;
+  if (!std::filesystem::exists(checkpoint_path(), ignored)) return std::nullopt;
   try {
-    job.resume(render::read_checkpoint(checkpoint_path(), checkpoint_identity()));
-    spdlog::info("{} goes on after {} passes", base_.name(), job.progress().passes_done);
+    return render::read_checkpoint(checkpoint_path(), checkpoint_identity());
   } catch (const Error& error) {
     spdlog::warn("{} begins again: {}", base_.name(), error.what());
+    return std::nullopt;
   }
 }
 
+std::shared_ptr<render::RenderJob> Job::make_render_job(const std::shared_ptr<const transport::World>& world,
+                                                        const render::RenderSettings& engine) {
+  const auto performers = leased() ? render::Performers::replicas : render::Performers::caller;
+  const std::shared_ptr<cache::SceneCache>& records = engine.integrator_settings.cache;
+  const std::optional<render::Checkpoint> checkpoint = keeps_checkpoints() ? read_checkpoint() : std::nullopt;
+  if (checkpoint) {
+    try {
+      render::RenderSettings as_then = engine;
+      if (records) {
+        if (!checkpoint->stage)
+          throw Error(ErrorKind::data_loss, "CHECKPOINT_DAMAGED", "it names no records");
+        as_then.integrator_settings.cache = cache::SceneCache::fork(records, checkpoint->stage->records);
+        if (!as_then.integrator_settings.cache)
+          throw Error(ErrorKind::data_loss, "RECORDS_GONE", "records that it needs are gone");
+      }
+      auto job = std::make_shared<render::RenderJob>(world, as_then, performers);
+      if (checkpoint->passes > 0) job->resume(*checkpoint);
+      spdlog::info("{} goes on after {} passes{}", base_.name(), checkpoint->passes,
+                   records ? " with the records that it had" : "");
+      return job;
+    } catch (const Error& error) {
+      spdlog::warn("{} begins again: {}", base_.name(), error.what());
+    }
+  }
+  if (records && keeps_checkpoints()) write_first_checkpoint(*records);
+  return std::make_shared<render::RenderJob>(world, engine, performers);
+}
+
+void Job::write_first_checkpoint(cache::SceneCache& records) {
+  const Clock::time_point start = Clock::now();
+  try {
+    save_records(records);
+    auto stage = std::make_shared<render::CachedStage>();
+    const std::shared_ptr<const cache::RecordSet> set = records.records();
+    stage->records.assign(set->ids().begin(), set->ids().end());
+    render::Checkpoint beginning;
+    beginning.stage = std::move(stage);
+    render::write_checkpoint(checkpoint_path(), beginning, checkpoint_identity());
+  } catch (const std::exception& error) {
+    spdlog::warn("{}: no checkpoint: {}", base_.name(), error.what());
+  }
+  const std::lock_guard lock(mutex_);
+  checkpoint_seconds_ += to_seconds(Clock::now() - start);
+}
+
 void Job::checkpoint_if_due() {
-  if (uses_cache() || checkpoint_pending_ || render_job_->ended()) return;
+  if (!keeps_checkpoints() || checkpoint_pending_ || render_job_->ended()) return;
   const double pixels = static_cast<double>(settings_.crop().width()) * settings_.crop().height();
+  const double bytes = (uses_cache() ? 2 : 1) * film_bytes_per_pixel * pixels;
   const double expected =
-      std::max(expected_sync_seconds + film_bytes_per_pixel * pixels / expected_bytes_per_second,
-               last_checkpoint_seconds_);
+      std::max(expected_sync_seconds + bytes / expected_bytes_per_second, last_checkpoint_seconds_);
   if (checkpoint_seconds_ + expected > limits::checkpoint_share * render_cpu_seconds_) return;
   checkpoint_pending_ = true;
   services_.writer.post([self = shared_from_this()] { self->write_checkpoint(); });
@@ -139,18 +194,21 @@ void Job::checkpoint_if_due() {
 
 void Job::write_checkpoint() {
   std::shared_ptr<render::RenderJob> job;
+  std::shared_ptr<cache::SceneCache> records;
   uint32_t passes_before = 0;
   {
     const std::lock_guard lock(mutex_);
     job = render_job_;
+    records = engine_settings_.integrator_settings.cache;
     passes_before = checkpoint_passes_;
   }
   const Clock::time_point start = Clock::now();
   uint32_t passes = passes_before;
   try {
-    // What rests on records of a cache that the disk doesn't have is not to be continued.
-    const auto checkpoint = job && !uses_cache() ? job->checkpoint() : std::nullopt;
+    const auto checkpoint = job && keeps_checkpoints() ? job->checkpoint() : std::nullopt;
     if (checkpoint && checkpoint->passes > passes_before) {
+      // What rests on records that the disk doesn't have is not to be continued.
+      if (records) save_records(*records);
       render::write_checkpoint(checkpoint_path(), *checkpoint, checkpoint_identity());
       passes = checkpoint->passes;
     }

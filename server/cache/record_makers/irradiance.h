@@ -18,9 +18,9 @@ class IrradianceRecordMaker final : public RecordMaker {
   IrradianceRecordMaker(std::shared_ptr<const transport::World> world, const RecordMakerSettings& settings);
 
   Record make(const Wish& wish, RayCounters& counters) const override;
+  uint64_t id_of(const Wish& wish) const override;
 
  private:
-  uint64_t id_of(const Wish& wish) const;
   derivatives::SurfaceSide side_of(const Wish& wish, RayCounters& counters) const;
 
   std::shared_ptr<const transport::World> world_;

@@ -75,6 +75,11 @@ RatioRecordMaker::RatioRecordMaker(std::shared_ptr<const transport::World> world
   }
 }
 
+uint64_t RatioRecordMaker::id_of(const Wish& wish) const {
+  return content_id(wish.position, wish.component, "ratio " + std::to_string(settings_.samples),
+                    settings_.seed);
+}
+
 Record RatioRecordMaker::make(const Wish& wish, RayCounters& counters) const {
   const auto found = lights_.find(wish.component.light_group);
   const auto medium = static_cast<size_t>(wish.component.medium);
@@ -131,8 +136,7 @@ Record RatioRecordMaker::make(const Wish& wish, RayCounters& counters) const {
       std::max(visibility_margin(*world_, wish.position, grid.vertices, sight, record.depth, counters),
                std::numeric_limits<float>::min());
   record.samples = static_cast<uint32_t>(std::max<uint64_t>(counters.total() - rays_before, 1));
-  record.id = content_id(record.position, record.component, "ratio " + std::to_string(settings_.samples),
-                         settings_.seed);
+  record.id = id_of(wish);
   return record;
 }
 

@@ -31,6 +31,7 @@ class RatioRecordMaker final : public RecordMaker {
 
   /// Throws Error(invalid_argument, "INVALID_WISH") for a light without a proxy.
   Record make(const Wish& wish, RayCounters& counters) const override;
+  uint64_t id_of(const Wish& wish) const override;
 
  private:
   struct ProxiedLight {

@@ -14,10 +14,9 @@ class RestRecordMaker final : public RecordMaker {
   RestRecordMaker(std::shared_ptr<const transport::World> world, const RecordMakerSettings& settings);
 
   Record make(const Wish& wish, RayCounters& counters) const override;
+  uint64_t id_of(const Wish& wish) const override;
 
  private:
-  uint64_t id_of(const Wish& wish) const;
-
   std::shared_ptr<const transport::World> world_;
   RecordMakerSettings settings_;
   derivatives::Aware surfaces_;  ///< light that surfaces send

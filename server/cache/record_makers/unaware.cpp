@@ -42,6 +42,13 @@ UnawareRecordMaker::UnawareRecordMaker(Quantity quantity, std::shared_ptr<const 
   derivatives::validate(settings_);
 }
 
+uint64_t UnawareRecordMaker::id_of(const Wish& wish) const {
+  return content_id(
+      wish.position, wish.component,
+      "unaware " + std::to_string(settings_.samples) + ' ' + std::to_string(settings_.max_depth),
+      settings_.seed);
+}
+
 Record UnawareRecordMaker::make(const Wish& wish, RayCounters& counters) const {
   const uint64_t rays_before = counters.total();
   std::array<double, repeats> luminances{};
@@ -70,10 +77,7 @@ Record UnawareRecordMaker::make(const Wish& wish, RayCounters& counters) const {
   const double half_difference = (luminances[0] - luminances[1]) / 2;
   record.variance = static_cast<float>(half_difference * half_difference);
   record.depth = look_around(wish.position, counters);
-  record.id =
-      content_id(record.position, record.component,
-                 "unaware " + std::to_string(settings_.samples) + ' ' + std::to_string(settings_.max_depth),
-                 settings_.seed);
+  record.id = id_of(wish);
   return record;
 }
 

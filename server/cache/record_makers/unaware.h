@@ -15,6 +15,7 @@ class UnawareRecordMaker final : public RecordMaker {
                      const RecordMakerSettings& settings);
 
   Record make(const Wish& wish, RayCounters& counters) const override;
+  uint64_t id_of(const Wish& wish) const override;
 
  private:
   DepthBins look_around(const Vec3f& position, RayCounters& counters) const;

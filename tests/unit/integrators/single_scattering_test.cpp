@@ -60,7 +60,7 @@ class SingleScatteringTest : public ::testing::Test {
 
   std::pair<Mean, uint64_t> render(SingleScattering technique, uint32_t pixels, bool seen = true) const {
     SingleScatteringTerm term(world);
-    term.decide({.single_scattering = technique}, camera, *records);
+    term.decide({.single_scattering = technique}, camera, ratio_places(*records));
     EXPECT_EQ(term.looks_up(), technique == SingleScattering::cached);
     Mean mean;
     RayCounters counters;
@@ -117,7 +117,7 @@ TEST_F(SingleScatteringTest, AsksForPlacesThatNoRecordReaches) {
     int uncovered = 0;
   };
   SingleScatteringTerm term(world);
-  term.decide({.single_scattering = SingleScattering::cached}, camera, *records);
+  term.decide({.single_scattering = SingleScattering::cached}, camera, ratio_places(*records));
   Places without;
   term.observe(segment, medium, nullptr, Spectrum(1), without);
   EXPECT_EQ(without.covered, 0);
@@ -128,7 +128,7 @@ TEST_F(SingleScatteringTest, AsksForPlacesThatNoRecordReaches) {
 }
 
 TEST_F(SingleScatteringTest, AutomaticGoesByCostAndSaysWhy) {
-  const auto decide = [&](int64_t samples, const cache::RecordSet& there) {
+  const auto decide = [&](int64_t samples, const RatioPlaces& there) {
     const SingleScatteringPlan plan =
         single_scattering_plan(*world, {.expected_samples = samples}, camera, there);
     EXPECT_EQ(plan.decisions.size(), 2);
@@ -144,14 +144,14 @@ TEST_F(SingleScatteringTest, AutomaticGoesByCostAndSaysWhy) {
 }
 
 TEST_F(SingleScatteringTest, RecordsThatAreThereAreFree) {
-  const auto decide = [&](int64_t samples, const cache::RecordSet& there) {
+  const auto decide = [&](int64_t samples, const RatioPlaces& there) {
     return single_scattering_plan(*world, {.expected_samples = samples}, camera, there).decisions[light].on;
   };
   // 60 of about 2000 records are little; a picture for which the rest is just not worth it gains by them.
   int64_t least = 1;
   while (!decide(least, {}) && least < int64_t{1} << 40) least += least / 64 + 1;
   EXPECT_FALSE(decide(least - least / 65 - 1, {}));
-  EXPECT_TRUE(decide(least - least / 65 - 1, *records));
+  EXPECT_TRUE(decide(least - least / 65 - 1, ratio_places(*records)));
 }
 
 TEST_F(SingleScatteringTest, SmallLightsAndForwardScatteringAreSampled) {

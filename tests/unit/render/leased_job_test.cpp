@@ -13,6 +13,7 @@
 #include "cache/record_bytes.h"
 #include "cache/scene_cache.h"
 #include "core/error.h"
+#include "foggy_room.h"
 #include "render/render_job.h"
 #include "render/render_to_image.h"
 #include "render/replica.h"
@@ -23,25 +24,6 @@ namespace fogbank::render {
 namespace {
 
 const std::atomic<bool> never = false;
-
-/// A plate in a room full of fog, and a small lamp.
-std::string foggy_room(const std::string& sigma_t, const std::string& albedo) {
-  return R"(<medium type="homogeneous" id="fog"><rgb name="sigma_t" value=")" + sigma_t +
-         R"("/><rgb name="albedo" value=")" + albedo + R"("/></medium>
-  <sensor type="perspective">
-    <float name="fov" value="60"/>
-    <transform name="to_world"><lookat origin="0, -1.8, 0" target="0, 0, 0" up="0, 0, 1"/></transform>
-    <ref name="medium" id="fog"/>
-  </sensor>
-  <bsdf type="twosided" id="wall"><bsdf type="diffuse"><rgb name="reflectance" value="0.5, 0.4, 0.3"/></bsdf></bsdf>
-  <shape type="cube"><transform name="to_world"><scale x="2" y="2" z="1"/></transform><ref id="wall"/></shape>
-  <shape type="rectangle">
-    <transform name="to_world"><rotate x="1" angle="180"/><scale value="0.4"/><translate x="0" y="0" z="0.99"/></transform>
-    <bsdf type="diffuse"><rgb name="reflectance" value="0"/></bsdf>
-    <emitter type="area"><rgb name="radiance" value="10, 9, 7"/></emitter>
-  </shape>
-  <shape type="rectangle"><transform name="to_world"><scale value="0.5"/></transform><ref id="wall"/></shape>)";
-}
 
 std::shared_ptr<const transport::World> thin_fog() {
   static const auto world = transport::test::parse_world(foggy_room("0.5, 0.6, 0.7", "0.8"));
