@@ -130,7 +130,7 @@ void PhotonPreparation::trace(uint32_t task, RayCounters& counters) {
     const float u_box =
         std::fmin((static_cast<float>(path) + random.next_float()) / count, one_minus_epsilon);
     const transport::EmissionGuide::Sample sample = guide.sample(u_box, random);
-    if (piloting()) points_[path] = sample.point;
+    if (piloting()) points_[path] = sample;
     std::optional<transport::EmittedRay> ray = integrator_.emission().sample(sample.point);
     if (!ray) continue;
     ray->flux /= sample.pdf * count;
@@ -266,9 +266,11 @@ void PhotonPreparation::learn() {
       squares[path] += std::pow(static_cast<double>(radiance) / typical[i], 2.0);
   }
   for (uint32_t path = 0; path < paths_; ++path) {
-    if (squares[path] > 0) trials_.push_back({points_[path], static_cast<float>(std::sqrt(squares[path]))});
+    if (squares[path] > 0)
+      trials_.push_back(
+          {points_[path].point, points_[path].pdf, static_cast<float>(std::sqrt(squares[path]))});
   }
-  guide_ = transport::EmissionGuide(trials_);
+  guide_ = transport::EmissionGuide(trials_, integrator_.emission().choices());
 }
 
 PhotonPlan PhotonPreparation::make_plan() const {

@@ -53,10 +53,10 @@ class PhotonPreparation final : public Preparation {
   transport::EmissionGuide guide_;
   std::vector<transport::EmissionTrial> trials_;  ///< of all attempts
   uint32_t paths_ = 0;
-  uint32_t beam_stride_ = 1;                      ///< PhotonPlan::beam_stride
-  std::vector<transport::Photons> traced_;        ///< by task
-  std::vector<transport::EmissionPoint> points_;  ///< by path; of the pilot
-  uint64_t beams_ = 0;                            ///< of all paths
+  uint32_t beam_stride_ = 1;                              ///< PhotonPlan::beam_stride
+  std::vector<transport::Photons> traced_;                ///< by task
+  std::vector<transport::EmissionGuide::Sample> points_;  ///< by path; of the pilot
+  uint64_t beams_ = 0;                                    ///< of all paths
   uint64_t photons_ = 0;
   float beam_radius_ = 0;
   float surface_radius_ = 0;

@@ -13,6 +13,7 @@ namespace fogbank::transport {
 /// A path that has been tried.
 struct EmissionTrial {
   EmissionPoint point{};
+  float pdf = 1;         ///< that `point` was drawn with
   float importance = 0;  ///< square root of the variance that the path with its weight causes, >= 0
 };
 
@@ -22,10 +23,12 @@ class EmissionGuide {
  public:
   /// Uniform.
   EmissionGuide();
-  /// Learnt. Variance is least where the density follows the root of a path's mean square effect with
-  /// constant weights; trials drawn with density p have weights 1 / p, so the sum of their `importance` over
-  /// a box estimates the integral of that root, whatever p was.
-  explicit EmissionGuide(std::span<const EmissionTrial> trials);
+  /// Learnt. Variance is least where the density follows the root of a path's mean square effect f^2 with
+  /// constant weights. Trials drawn with density p have weights 1 / p, so the sum of `importance`^2 p over a
+  /// box estimates the integral of f^2, whatever p was. (The sum of `importance`, that of |f|, would be far
+  /// too small where few paths matter much: those that a wall sends into a far cloud.) `edges`, from 0 to 1:
+  /// no box reaches over one of them in the first dimension.
+  EmissionGuide(std::span<const EmissionTrial> trials, std::span<const float> edges);
 
   struct Sample {
     EmissionPoint point{};
@@ -38,10 +41,12 @@ class EmissionGuide {
   struct Box {
     EmissionPoint lower{};
     EmissionPoint size{};
-    float probability = 0;  ///< of being drawn
+    double moment = 0;  ///< integral of the mean square effect, about
+
+    double volume() const;
   };
 
-  void split(std::span<EmissionTrial> trials, const Box& box, double mass_of_split);
+  void split(std::span<EmissionTrial> trials, const Box& box, size_t first_dimension, double moment_of_split);
 
   std::vector<Box> boxes_;
   std::vector<float> cumulative_;  ///< from 0 to 1; one more than boxes

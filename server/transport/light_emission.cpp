@@ -14,6 +14,12 @@ constexpr float surface_offset = 4e-6f;
 constexpr double even_share = 0.5;
 /// The disk for light from infinity is that much larger than the scene.
 constexpr float margin = 1.001f;
+/// Media that light from infinity is aimed at, besides the whole scene, where a target's cross-section is at
+/// most this share of the scene's; larger ones gain little. Of more media than `most_targets` none is.
+constexpr size_t most_targets = 16;
+constexpr float most_target_share = 0.5f;
+/// Part of the choice of a target that doesn't follow its cross-section.
+constexpr double even_share_of_targets = 0.5;
 /// Places of a light that are asked for their medium, a side.
 constexpr int places_a_side = 3;
 /// Of more lights each ray asks for itself: asking all of them would take longer than a pass.
@@ -93,14 +99,30 @@ float one_minus_cos_cone(const PointShape& shape) {
   return shape.cutoff_angle >= pi ? 2.0f : 2 * sqr(std::sin(0.5f * shape.cutoff_angle));
 }
 
+/// Spheres around the boxes of small media that scatter, smallest first, and the one around the scene.
+std::vector<scene::BoundingSphere> targets_of(const World& world) {
+  scene::BoundingSphere all = world.scene().bounds;
+  all.radius *= margin;
+  std::vector<scene::BoundingSphere> targets;
+  for (size_t i = 0; i < world.scene().media.size(); ++i) {
+    const MediumInfo& medium = world.medium(static_cast<int32_t>(i));
+    if (is_black(medium.sigma_s)) continue;
+    const scene::BoundingSphere ball{0.5f * (medium.extent.lower + medium.extent.upper),
+                                     0.5f * margin * glm::length(medium.extent.upper - medium.extent.lower)};
+    // Neither media without a boundary, nor with an edge or less of one.
+    if (ball.radius > 0 && sqr(ball.radius) <= most_target_share * sqr(all.radius)) targets.push_back(ball);
+  }
+  std::stable_sort(targets.begin(), targets.end(),
+                   [](const auto& a, const auto& b) { return a.radius < b.radius; });
+  if (targets.size() > most_targets) targets.clear();
+  targets.push_back(all);
+  return targets;
+}
+
 }  // namespace
 
-LightEmission::LightEmission(const World& world) : world_(world) {
-  const scene::BoundingSphere& bounds = world.scene().bounds;
-  center_ = bounds.center;
-  radius_ = bounds.radius * margin;
+LightEmission::LightEmission(const World& world) : world_(world), targets_(targets_of(world)) {
   const auto count = static_cast<uint32_t>(world.lights().size());
-  cumulative_.push_back(0);
   std::vector<double> powers;
   double total = 0;
   double shining = 0;  // lights
@@ -109,11 +131,26 @@ LightEmission::LightEmission(const World& world) : world_(world) {
     total += powers.back();
     shining += powers.back() > 0 ? 1 : 0;
   }
+  double area = 0;  // of all targets, over pi
+  for (const scene::BoundingSphere& target : targets_) area += sqr(static_cast<double>(target.radius));
   double sum = 0;
-  for (const double power : powers) {
-    if (power > 0) sum += even_share / shining + (1 - even_share) * power / total;
-    cumulative_.push_back(static_cast<float>(sum));
+  cumulative_.push_back(0);
+  for (uint32_t light = 0; light < count; ++light) {
+    if (!(powers[light] > 0)) continue;
+    const double share = even_share / shining + (1 - even_share) * powers[light] / total;
+    const size_t parts = world.lights().light(light).at_infinity() ? targets_.size() : 1;
+    for (uint32_t target = 0; target < parts; ++target) {
+      double part = 1;
+      if (parts > 1) {
+        part = even_share_of_targets / static_cast<double>(parts) +
+               (1 - even_share_of_targets) * sqr(static_cast<double>(targets_[target].radius)) / area;
+      }
+      sum += share * part;
+      choices_.push_back({light, target});
+      cumulative_.push_back(static_cast<float>(sum));
+    }
   }
+  if (sum > 0) cumulative_.back() = 1;
   for (uint32_t i = 0; i < count && count <= most_lights_asked; ++i) {
     std::optional<int32_t> medium;
     bool agree = true;
@@ -121,7 +158,8 @@ LightEmission::LightEmission(const World& world) : world_(world) {
       const Vec2f u = (Vec2f(Vec2i(place % places_a_side, place / places_a_side)) + 0.5f) /
                       static_cast<float>(places_a_side);
       // The directions differ as well: through them light from infinity comes from all sides.
-      const std::optional<EmittedRay> ray = sample_light(i, u, {u.y, u.x});
+      const std::optional<EmittedRay> ray =
+          sample_choice({i, static_cast<uint32_t>(targets_.size() - 1)}, u, {u.y, u.x});
       if (!ray) continue;
       const int32_t found = world.medium_at(ray->origin);
       agree = !medium || *medium == found;
@@ -132,7 +170,10 @@ LightEmission::LightEmission(const World& world) : world_(world) {
 }
 
 float LightEmission::power(const Light& light) const {
-  if (light.at_infinity()) return light.fluence(center_) * pi * sqr(radius_);
+  if (light.at_infinity()) {
+    const scene::BoundingSphere& all = targets_.back();
+    return light.fluence(all.center) * pi * sqr(all.radius);
+  }
   const LightShape shape = light.shape();
   if (const auto* point = std::get_if<PointShape>(&shape))
     return light.bounds().intensity * 2 * pi * one_minus_cos_cone(*point);
@@ -147,18 +188,31 @@ int32_t LightEmission::medium_around(uint32_t light, const Vec3f& origin) const 
   return world_.medium_at(origin);
 }
 
-std::optional<EmittedRay> LightEmission::sample_light(uint32_t index, const Vec2f& u_place,
-                                                      const Vec2f& u_direction) const {
-  const Light& light = world_.lights().light(index);
+bool LightEmission::is_of_target(const Vec3f& origin, const Vec3f& direction, uint32_t target) const {
+  return std::none_of(targets_.begin(), targets_.begin() + target, [&](const scene::BoundingSphere& other) {
+    const Vec3f offset = other.center - origin;
+    const Vec3f across = offset - direction * glm::dot(offset, direction);
+    return glm::dot(across, across) < sqr(other.radius);
+  });
+}
+
+std::optional<EmittedRay> LightEmission::sample_choice(const Choice& choice, const Vec2f& u_place,
+                                                       const Vec2f& u_direction) const {
+  const Light& light = world_.lights().light(choice.light);
   EmittedRay ray;
   if (light.at_infinity()) {
-    const std::optional<LightSample> sample = light.sample(center_, u_direction);
-    if (!sample || !(radius_ > 0)) return std::nullopt;
+    const scene::BoundingSphere& all = targets_.back();
+    const scene::BoundingSphere& target = targets_[choice.target];
+    const std::optional<LightSample> sample = light.sample(all.center, u_direction);
+    if (!sample || !(all.radius > 0)) return std::nullopt;
     const Frame frame = Frame::from_normal(sample->direction);
     const Vec2f p = square_to_disk_concentric(u_place);
+    const Vec3f place = target.center + target.radius * (frame.tangent * p.x + frame.bitangent * p.y);
     ray.direction = -sample->direction;
-    ray.origin = center_ + radius_ * (sample->direction + frame.tangent * p.x + frame.bitangent * p.y);
-    ray.flux = sample->radiance * (pi * sqr(radius_) / sample->pdf);
+    if (!is_of_target(place, ray.direction, choice.target)) return std::nullopt;
+    // On the plane that touches the sphere around the scene.
+    ray.origin = place + sample->direction * (all.radius - glm::dot(place - all.center, sample->direction));
+    ray.flux = sample->radiance * (pi * sqr(target.radius) / sample->pdf);
     return ray;
   }
   const LightShape shape = light.shape();
@@ -180,18 +234,18 @@ std::optional<EmittedRay> LightEmission::sample_light(uint32_t index, const Vec2
 }
 
 std::optional<EmittedRay> LightEmission::sample(const EmissionPoint& u) const {
-  const float total = cumulative_.back();
-  if (!(total > 0)) return std::nullopt;
-  const auto above = std::upper_bound(cumulative_.begin(), cumulative_.end(), u[0] * total);
-  const auto light = static_cast<uint32_t>(std::max<std::ptrdiff_t>(above - cumulative_.begin() - 1, 0));
-  if (light >= world_.lights().size()) return std::nullopt;
-  const float probability = (cumulative_[light + 1] - cumulative_[light]) / total;
-  std::optional<EmittedRay> ray = sample_light(light, {u[1], u[2]}, {u[3], u[4]});
+  if (dark()) return std::nullopt;
+  const auto above = std::upper_bound(cumulative_.begin(), cumulative_.end(), u[0]);
+  const auto index = static_cast<size_t>(std::max<std::ptrdiff_t>(above - cumulative_.begin() - 1, 0));
+  if (index >= choices_.size()) return std::nullopt;
+  const Choice& choice = choices_[index];
+  const float probability = cumulative_[index + 1] - cumulative_[index];
+  std::optional<EmittedRay> ray = sample_choice(choice, {u[1], u[2]}, {u[3], u[4]});
   if (!ray || !(probability > 0)) return std::nullopt;
   ray->flux /= probability;
-  ray->medium = medium_around(light, ray->origin);
+  ray->medium = medium_around(choice.light, ray->origin);
   // Light from infinity gets through no unbounded medium.
-  if (world_.lights().light(light).at_infinity() && ray->medium != scene::none)
+  if (world_.lights().light(choice.light).at_infinity() && ray->medium != scene::none)
     ray->flux *= transmittance(world_.medium(ray->medium).sigma_t, infinity);
   if (is_black(ray->flux) || !is_finite(ray->flux)) return std::nullopt;
   return ray;
