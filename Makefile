@@ -44,7 +44,8 @@ fuzz: build ## fuzz targets for FUZZ_SECONDS (600) each: files, caches, checkpoi
 	@cmake --build --preset fuzz-all --parallel $(JOBS)
 	@$(python) tests/fuzz/run.py --seconds $(or $(FUZZ_SECONDS),600) --jobs $(JOBS)
 
-test-deploy: build ## deploy/ in earnest: the Dockerfile's steps in a Debian of their own, a job in Slurm; minutes, as root
+test-deploy: build ## deploy/ in earnest: the Dockerfile's steps in a Debian of their own, a job in Slurm; ten minutes, as root; installs the tools
+	@tests/deploy/install-tools.sh
 	@$(python) -m pytest tests/deploy -m deployment --capture=no
 
 test-accuracy: build ## pictures by the radiance cache with an error of 0.02, shared rooms, photon beams in all scenes; many minutes

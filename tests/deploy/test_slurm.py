@@ -1,6 +1,6 @@
 """The Slurm script, and workers that Dask submits, in a Slurm of one node that the test starts: `make test-deploy`.
 
-Needs Debian's slurmctld, slurmd, slurm-client and munge, which are in no package list: they would start as services.
+Needs Debian's slurmctld, slurmd, slurm-client and munge: `install-tools.sh`, which `make test-deploy` runs before.
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ from tests.service.harness import PATIENCE_SECONDS
 
 pytestmark = pytest.mark.deployment
 SCRIPT = DEPLOY / "slurm" / "fogbank-farm.sbatch"
+SCENE = REPOSITORY / "scenes" / "penumbra" / "penumbra.xml"
+# Enough that the server doesn't do it by itself.
+OPTIONS = ["--spp", "16", "--size", "160x160", "--integrator", "volpath"]
 
 CONFIGURATION = """
 ClusterName=fogbank
@@ -96,11 +99,9 @@ def slurm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
 
 def test_script_renders(slurm: dict[str, str], tmp_path: Path) -> None:
     """The picture is that of one machine, bit for bit, and nothing of the job's certificates is left."""
-    scene = REPOSITORY / "scenes" / "penumbra" / "penumbra.xml"
-    options = ["--spp", "4", "--size", "64x64", "--integrator", "volpath"]
     path = f"{REPOSITORY}/.venv/bin:{slurm['PATH']}"
     submitted = run(
-        tool("sbatch"), "--wait", "--cpus-per-task=2", "--mem-per-cpu=1G", str(SCRIPT), "render", str(scene), *options,
+        tool("sbatch"), "--wait", "--cpus-per-task=2", "--mem-per-cpu=1G", str(SCRIPT), "render", str(SCENE), *OPTIONS,
         "-o", "farm.exr", cwd=tmp_path, env={**slurm, "PATH": path},
     )  # fmt: skip
     logs = "".join(log.read_text() for log in tmp_path.glob("slurm-*.out"))
@@ -108,19 +109,17 @@ def test_script_renders(slurm: dict[str, str], tmp_path: Path) -> None:
     assert re.search(r"Submitted batch job \d+", submitted.stdout)
     assert not list(tmp_path.glob("fogbank-farm-*"))
     fogbank = REPOSITORY / ".venv" / "bin" / "fogbank"
-    alone = run(fogbank, "render", str(scene), *options, "-o", "alone.exr", cwd=tmp_path)
+    alone = run(fogbank, "render", str(SCENE), *OPTIONS, "-o", "alone.exr", cwd=tmp_path)
     assert alone.returncode == 0, alone.stderr
     assert np.array_equal(image_error.read(tmp_path / "farm.exr"), image_error.read(tmp_path / "alone.exr"))
 
 
 def test_workers_that_dask_asks_slurm_for(slurm: dict[str, str], tmp_path: Path) -> None:
     """`--slurm FILE`: dask-jobqueue submits the workers, and takes them back when the picture is there."""
-    scene = REPOSITORY / "scenes" / "penumbra" / "penumbra.xml"
-    options = ["--spp", "4", "--size", "64x64", "--integrator", "volpath"]
     (tmp_path / "slurm.yaml").write_text("cores: 1\nmemory: 1GiB\nwalltime: '00:10:00'\ninterface: lo\n")
     fogbank = REPOSITORY / ".venv" / "bin" / "fogbank"
     farmed = run(
-        fogbank, "farm", "render", str(scene), *options, "-o", "farm.exr", "--slurm", "slurm.yaml", "--workers", "2",
+        fogbank, "farm", "render", str(SCENE), *OPTIONS, "-o", "farm.exr", "--slurm", "slurm.yaml", "--workers", "2",
         "--json", cwd=tmp_path, env={**slurm, "XDG_CACHE_HOME": str(tmp_path / "cache")},
     )  # fmt: skip
     logs = "".join(log.read_text() for log in tmp_path.glob("slurm-*.out"))
@@ -132,6 +131,6 @@ def test_workers_that_dask_asks_slurm_for(slurm: dict[str, str], tmp_path: Path)
     while run(tool("squeue"), "--noheader", env=slurm).stdout.strip():
         assert time.monotonic() < end, "jobs of workers are left"
         time.sleep(0.5)
-    alone = run(fogbank, "render", str(scene), *options, "-o", "alone.exr", cwd=tmp_path)
+    alone = run(fogbank, "render", str(SCENE), *OPTIONS, "-o", "alone.exr", cwd=tmp_path)
     assert alone.returncode == 0, alone.stderr
     assert np.array_equal(image_error.read(tmp_path / "farm.exr"), image_error.read(tmp_path / "alone.exr"))
