@@ -230,7 +230,7 @@ std::optional<Spectrum> PhotonField::scattered_before(const Vec3f& y, int32_t me
 }
 
 std::string described(const PhotonField* photons) {
-  return photons == nullptr ? "paths" : std::to_string(photons->paths()) + " photons";
+  return photons == nullptr ? "paths" : std::to_string(photons->paths()) + " aimed photons";
 }
 
 }  // namespace fogbank::cache
