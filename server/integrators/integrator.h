@@ -116,6 +116,9 @@ class Preparation {
   virtual void run(uint32_t task, RayCounters& counters) = 0;
   /// Share of the whole preparation that is done, about; 0 to 1.
   virtual double fraction() const = 0;
+  /// Of the present round, below 16: tasks of rounds of the same kind take about as long. Called as
+  /// `fraction`.
+  virtual uint32_t round_kind() const { return 0; }
 
   // Of `Integrator::prepare`, for several processes that go through the same rounds together. One of them
   // collects the results of tasks that others ran, and tells all what came of each round: then all of them
@@ -162,6 +165,8 @@ class Integrator {
   virtual bool blurs() const { return false; }
   /// Samples of a pixel that one pass may take.
   virtual uint32_t most_samples_of_pass() const { return std::numeric_limits<uint32_t>::max(); }
+  /// Does `prepare_pass` ever give anything?
+  virtual bool prepares_passes() const { return false; }
   /// What must be done before `sample` may be asked for these samples, and for no others; null: nothing.
   /// A sample depends on its number, not on the pass that it is in. `camera` as above.
   virtual std::unique_ptr<Preparation> prepare_pass(const CameraRays& /*camera*/,

@@ -42,6 +42,7 @@ class PhotonBeamsIntegrator final : public Integrator {
   PixelSample sample(const Ray& ray, RandomStream& random, RayCounters& counters) const override;
   bool blurs() const override { return true; }
   uint32_t most_samples_of_pass() const override { return 1; }
+  bool prepares_passes() const override { return true; }
   std::unique_ptr<Preparation> prepare_pass(const CameraRays& camera, const PassSamples& samples) override;
 
   /// Made by the first `prepare_pass`.

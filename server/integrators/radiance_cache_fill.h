@@ -31,6 +31,7 @@ class RadianceCacheFill final : public Preparation {
   uint32_t next_round() override;
   void run(uint32_t task, RayCounters& counters) override;
   double fraction() const override;
+  uint32_t round_kind() const override { return static_cast<uint32_t>(round_); }
 
   // radiance_cache_fill_results.cpp:
 

@@ -25,6 +25,7 @@ std::optional<LeasedTask> RenderJob::lease() {
     const std::lock_guard lock(job.mutex);
     job.watch_time();
     if (job.phase == Implementation::Phase::planning) return std::nullopt;
+    if (job.own.keeps(Implementation::Clock::now())) return std::nullopt;
     task = job.take();
     if (!task) return std::nullopt;
     stage = job.stage;
@@ -36,10 +37,41 @@ std::optional<LeasedTask> RenderJob::lease() {
   return leased;
 }
 
-bool RenderJob::plan_due() const {
+void RenderJob::set_trip_seconds(double seconds) {
+  const std::lock_guard lock(implementation_->mutex);
+  implementation_->own.set_trip_seconds(seconds, Implementation::Clock::now());
+}
+
+bool RenderJob::caller_due() const {
   const Implementation& job = *implementation_;
   const std::lock_guard lock(job.mutex);
-  return !job.ended() && job.phase == Implementation::Phase::planning && !job.plan_taken && job.running == 0;
+  if (job.ended()) return false;
+  if (job.phase != Implementation::Phase::planning) return job.own.keeps(Implementation::Clock::now());
+  return !job.plan_taken && job.running == 0;
+}
+
+std::chrono::steady_clock::time_point RenderJob::callers_until() const {
+  const Implementation& job = *implementation_;
+  const std::lock_guard lock(job.mutex);
+  return job.phase == Implementation::Phase::planning ? Implementation::Clock::time_point{}
+                                                      : job.own.kept_until();
+}
+
+void RenderJob::Implementation::share_stage() {
+  // Rounds of preparations have the numbers below.
+  constexpr uint32_t survey_kind = 16;
+  constexpr uint32_t aov_kind = 17;
+  constexpr uint32_t tile_kind = 18;
+  const Clock::time_point now = Clock::now();
+  if (phase == Phase::preparing) {
+    own.begin_stage(preparation->round_kind(), rounds.count(), now);
+  } else if (phase == Phase::surveying) {
+    own.begin_stage(activity == Activity::aovs ? aov_kind : survey_kind, rounds.count(), now);
+  } else if (integrator->prepares_passes()) {
+    own.begin_leased_stage();  // only replicas have what these passes need
+  } else {
+    own.begin_stage(tile_kind, static_cast<double>(crop_pixels) * pass_samples, now);
+  }
 }
 
 LeasedTask RenderJob::Implementation::describe(const Task& task, uint32_t its_stage) const {
@@ -104,10 +136,11 @@ Completion RenderJob::complete(uint32_t stage, uint32_t index, const TaskResult&
   return Completion::ignored;
 }
 
-void RenderJob::Implementation::account(const TaskResult& result) {
+void RenderJob::Implementation::account(const TaskResult& result, double work) {
   rays += result.rays;
   invalid_samples += result.invalid_samples;
   cpu_seconds += result.cpu_seconds;
+  own.learn(work, result.cpu_seconds, Clock::now());
 }
 
 template <typename Work>
@@ -123,7 +156,7 @@ Completion RenderJob::Implementation::complete_round_task(uint32_t its_stage, ui
   const auto end_this = [&](bool done) {
     const std::lock_guard lock(mutex);
     --running;
-    if (done) account(result);
+    if (done) account(result, 1);
     watch_time();
     if (stage == its_stage && rounds.end(task, done, true)) phase = Phase::planning;
   };
@@ -153,7 +186,7 @@ Completion RenderJob::Implementation::complete_tile(uint32_t its_stage, uint32_t
   const std::lock_guard lock(mutex);
   watch_time();  // what comes too late doesn't count
   if (stage != its_stage || films.is_done(task)) return Completion::ignored;
-  account(result);
+  account(result, pixel_samples(task));
   if (!films.add(task, std::move(film), outdated)) return Completion::tile;
   end_pass();
   return Completion::last_tile;

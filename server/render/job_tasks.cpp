@@ -45,11 +45,13 @@ void RenderJob::Implementation::drop_work() {
   ++stage;
 }
 
-void RenderJob::Implementation::end_task(const TaskCounters& counters) {
+void RenderJob::Implementation::end_task(const TaskCounters& counters, double work) {
+  const double cpu = thread_cpu_seconds() - counters.cpu_begin;
   --running;
   rays += counters.rays.total();
   invalid_samples += counters.invalid_samples;
-  cpu_seconds += thread_cpu_seconds() - counters.cpu_begin;
+  cpu_seconds += cpu;
+  if (log) own.learn(work, cpu, Clock::now());
 }
 
 void RenderJob::Implementation::end_pass() {
@@ -72,7 +74,7 @@ bool RenderJob::Implementation::run_task(const PlanTask&, const std::atomic<bool
   try {
     const std::optional<Phase> next = plan();
     const std::lock_guard lock(mutex);
-    end_task(counters);
+    end_task(counters, 0);
     plan_taken = false;
     if (ended()) return false;
     if (!next) {
@@ -82,12 +84,13 @@ bool RenderJob::Implementation::run_task(const PlanTask&, const std::atomic<bool
     }
     phase = *next;
     ++stage;
+    if (log) share_stage();
     // The time may have run out while this was planned.
     if (time_over && activity != Activity::aovs) drop_work();
   } catch (...) {
     preparation = nullptr;
     const std::lock_guard lock(mutex);
-    end_task(counters);
+    end_task(counters, 0);
     plan_taken = false;
     throw;
   }
@@ -108,7 +111,7 @@ void RenderJob::Implementation::run_of_round(const RoundTask& task, Phase its_ph
   }
   const auto end_this = [&](bool done) {
     const std::lock_guard lock(mutex);
-    end_task(counters);
+    end_task(counters, done ? 1 : 0);
     watch_time();
     // A round that was dropped meanwhile knows this task no longer.
     if (!ended() && phase == its_phase && rounds.end(task, done)) phase = Phase::planning;
@@ -164,7 +167,7 @@ bool RenderJob::Implementation::run_task(const TileTask& task, const std::atomic
     complete = false;
   } catch (...) {
     const std::lock_guard lock(mutex);
-    end_task(counters);
+    end_task(counters, 0);
     if (!ended()) films.give_back(task.tile);
     throw;
   }
@@ -172,7 +175,7 @@ bool RenderJob::Implementation::run_task(const TileTask& task, const std::atomic
   auto made = std::make_shared<const TileFilm>(std::move(film));
   TileFilmPointer outdated;  // outlives the lock, so that its memory isn't freed under it
   const std::lock_guard lock(mutex);
-  end_task(counters);
+  end_task(counters, complete ? pixel_samples(task) : 0);
   watch_time();  // what comes too late doesn't count
   // Run by two callers at once: both have the same pixels, and one has come first.
   if (ended() || films.is_done(task)) return false;

@@ -110,7 +110,8 @@ std::optional<Task> RenderJob::next_task() {
   Implementation& job = *implementation_;
   const std::lock_guard lock(job.mutex);
   job.watch_time();
-  if (job.log && job.phase != Implementation::Phase::planning) return std::nullopt;
+  const bool leased = job.log && job.phase != Implementation::Phase::planning;
+  if (leased && !job.own.keeps(Implementation::Clock::now())) return std::nullopt;
   return job.take();
 }
 

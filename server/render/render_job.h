@@ -7,6 +7,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -30,7 +31,7 @@ namespace fogbank::render {
 /// Who performs a job's tasks.
 enum class Performers : uint8_t {
   caller,    ///< by `next_task` and `run`
-  replicas,  ///< of the job (replica.h), by `lease` and `complete`; the caller runs plan tasks only
+  replicas,  ///< of the job (replica.h), by `lease` and `complete`; the caller runs what falls to it
 };
 
 /// What became of a result.
@@ -75,7 +76,11 @@ class RenderJob {
     uint64_t log_length = 0;  ///< entries that a replica needs to perform them
   };
   Stage stage() const;
-  /// A task that nobody has, if any.
+  /// A stage that would take one thread less than so many seconds is the caller's, by `next_task` and `run`:
+  /// what it takes to bring a task to a replica and back. 0 (as at first): the caller runs plan tasks only.
+  /// Counts from the next stage on; when it is said for the first time, for the present one, too.
+  void set_trip_seconds(double seconds);
+  /// A task that nobody has, if any; none while the stage is the caller's.
   std::optional<LeasedTask> lease();
   /// Whoever leased tasks has gone: those that aren't complete can be leased again.
   void recall_leases();
@@ -84,8 +89,10 @@ class RenderJob {
   /// whenever this returns.
   Completion complete(uint32_t stage, uint32_t index, const TaskResult& result);
   const JobLog& log() const;
-  /// Whether there is a plan task to be taken.
-  bool plan_due() const;
+  /// Whether there is a plan task to be taken, or the stage is the caller's.
+  bool caller_due() const;
+  /// When that may be over without anybody's doing; long ago unless the stage is the caller's.
+  std::chrono::steady_clock::time_point callers_until() const;
 
   /// Finished or cancelled?
   bool ended() const;

@@ -12,6 +12,7 @@
 #include "render/error_estimate.h"
 #include "render/film_camera.h"
 #include "render/job_log.h"
+#include "render/own_share.h"
 #include "render/pass_films.h"
 #include "render/progression.h"
 #include "render/render_job.h"
@@ -47,7 +48,8 @@ struct RenderJob::Implementation {
   void drop_work();
   std::optional<Clock::time_point> pass_deadline() const;
   std::optional<Task> take();
-  void end_task(const TaskCounters& counters);
+  /// Of work that is done, in units of OwnShare; 0: it was interrupted or failed.
+  void end_task(const TaskCounters& counters, double work);
   /// The last tile of a pass is done.
   void end_pass();
   /// Throws as `resume`.
@@ -70,7 +72,10 @@ struct RenderJob::Implementation {
   Completion complete_round_task(uint32_t its_stage, uint32_t index, const TaskResult& result,
                                  const Work& work);
   Completion complete_tile(uint32_t its_stage, uint32_t index, const TaskResult& result);
-  void account(const TaskResult& result);  ///< with `mutex` held
+  /// Of so much work, in units of OwnShare; with `mutex` held.
+  void account(const TaskResult& result, double work);
+  /// A stage has been planned: whose it is; with `mutex` held, by the plan task.
+  void share_stage();
 
   // These by the plan task (job_plan.cpp).
 
@@ -116,6 +121,7 @@ struct RenderJob::Implementation {
   bool plan_taken = false;
   uint32_t running = 0;  ///< tasks
   uint32_t stage = 0;    ///< of a leased job: which tasks are wanted
+  OwnShare own;          ///< of a leased job
   PassFilms films;
   TaskRounds rounds;
   bool time_over = false;

@@ -35,6 +35,11 @@ struct TileTask {
   uint32_t cached_sample_count = 0;  ///< the first so many samples look at the cache, <= sample_count
 };
 
+/// Samples of all its pixels.
+inline double pixel_samples(const TileTask& task) {
+  return double{1} * task.window.width * task.window.height * task.sample_count;
+}
+
 using Task = std::variant<PlanTask, PreparationTask, SurveyTask, TileTask>;
 
 }  // namespace fogbank::render

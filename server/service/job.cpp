@@ -180,6 +180,10 @@ void Job::run(render::RenderJob& job, const render::Task& task, uint64_t number)
       return;
     }
     render_cpu_seconds_ += cpu;
+    if (leased() && !std::holds_alternative<render::PlanTask>(task)) {
+      ++own_tasks_;
+      own_cpu_seconds_ += cpu;
+    }
     const auto* const tile = std::get_if<render::TileTask>(&task);
     if (!stop_) account(tile != nullptr ? std::optional(tile->tile) : std::nullopt, pass_completed);
     finish_if_idle();
@@ -355,7 +359,7 @@ bool Job::ended() const { return has_ended(state()); }
 bool Job::active() const {
   const std::lock_guard lock(mutex_);
   if (!render_job_ || paused_ || suspended_ || finishing_ || has_ended(base_.state())) return false;
-  return !leased() || render_job_->plan_due();
+  return !leased() || render_job_->caller_due();
 }
 
 double Job::rays_per_second() const {

@@ -122,9 +122,14 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
 
   // Of a leased job (job_leasing.cpp).
   bool leased() const { return request_.leased(); }
-  /// Fills the answer but for what it waits for. Tasks go to one `coordinator` at a time. Throws RpcError
+  /// Fills the answer with what there is now. Tasks go to one coordinator at a time. Throws RpcError
   /// JOB_NOT_LEASED.
-  void lease(const std::string& coordinator, int most_tasks, v1::LeaseTasksResponse& response);
+  struct Leased {
+    bool own = false;             ///< the job performs its present stage itself
+    Clock::time_point own_until;  ///< at the latest
+    bool outdated = false;        ///< tasks of the stage that the caller knows were leased, and it is over
+  };
+  Leased lease(const v1::LeaseTasksRequest& request, v1::LeaseTasksResponse& response);
   /// Takes a result; says in `response` what became of it. Throws RpcError LOG_CHANGED, JOB_NOT_LEASED.
   void complete(const std::string& log, const v1::TaskResultPart& last_part, std::string bytes,
                 v1::CompleteTasksResponse& response);
@@ -232,8 +237,11 @@ class Job : public Workload, public std::enable_shared_from_this<Job> {
   std::map<uint64_t, RunningTask> running_;  ///< by number
   uint64_t next_task_ = 0;
   WorkTrace trace_;
-  int completing_ = 0;       ///< results of leased tasks that are being taken
-  std::string coordinator_;  ///< that has the leased tasks
+  int completing_ = 0;         ///< results of leased tasks that are being taken
+  std::string coordinator_;    ///< that has the leased tasks
+  uint32_t leased_stage_ = 0;  ///< of the last one that was leased
+  uint64_t own_tasks_ = 0;     ///< of a leased job, performed here
+  double own_cpu_seconds_ = 0;
   int watchers_ = 0;
   uint64_t tasks_completed_ = 0;
   std::vector<uint32_t> unfinished_pass_;  ///< tiles that the current pass has completed

@@ -31,22 +31,26 @@ void Job::expect_leased() const {
 
 std::string Job::log_id() const { return id_ + "-" + std::to_string(base_.restarts()); }
 
-void Job::lease(const std::string& coordinator, int most_tasks, v1::LeaseTasksResponse& response) {
+Job::Leased Job::lease(const v1::LeaseTasksRequest& request, v1::LeaseTasksResponse& response) {
   expect_leased();
+  int most_tasks = request.max_tasks();
   std::shared_ptr<render::RenderJob> job;
   {
     const std::lock_guard lock(mutex_);
     response.set_state(base_.state());
     if (suspended_ && !has_ended(base_.state())) throw shutting_down();
-    if (!render_job_ || stop_ || finishing_) return;
+    response.set_own_tasks(own_tasks_);
+    response.set_own_cpu_seconds(own_cpu_seconds_);
+    if (!render_job_ || stop_ || finishing_) return {};
     job = render_job_;
     response.set_log(log_id());
-    if (coordinator_ != coordinator) {
-      coordinator_ = coordinator;
+    if (coordinator_ != request.coordinator()) {
+      coordinator_ = request.coordinator();
       job->recall_leases();
     }
     if (paused_) most_tasks = 0;
   }
+  job->set_trip_seconds(request.trip_seconds());
   int64_t bytes = 0;
   while (response.tasks_size() < most_tasks && bytes + greatest_input_bytes <= limits::max_lease_bytes) {
     std::optional<render::LeasedTask> task = job->lease();
@@ -61,7 +65,15 @@ void Job::lease(const std::string& coordinator, int most_tasks, v1::LeaseTasksRe
   // The job may have gone on to another stage in between, by its time or its cancellation.
   for (int i = response.tasks_size(); i-- > 0;)
     if (response.tasks(i).stage() != stage.number) response.mutable_tasks()->DeleteSubrange(i, 1);
-  if (job->plan_due()) services_.settle(shared_from_this());
+  // Its threads have something to do, or a stage that they had to themselves is leased by now.
+  const bool due = job->caller_due();
+  if (due || response.tasks_size() > 0) services_.settle(shared_from_this());
+  Leased leased{.own = due, .own_until = job->callers_until()};
+  const std::lock_guard lock(mutex_);
+  if (response.tasks_size() > 0) leased_stage_ = stage.number;
+  leased.outdated =
+      leased_stage_ > 0 && request.known_stage() == leased_stage_ && stage.number != leased_stage_;
+  return leased;
 }
 
 void Job::complete(const std::string& log, const v1::TaskResultPart& last_part, std::string bytes,

@@ -47,17 +47,21 @@ class LeaseCall final : public grpc::ServerUnaryReactor,
   Step step() override {
     if (finished_) return {.state = State::finished, .retry_at = {}};
     if (cancelled_) return finish(grpc::Status::CANCELLED);
+    Job::Leased leased;
     try {
       response_.Clear();
-      job_->lease(request_.coordinator(), request_.max_tasks(), response_);
+      leased = job_->lease(request_, response_);
     } catch (...) {
       return finish(status_of(std::current_exception()));
     }
     const Clock::time_point now = Clock::now();
+    const bool known = response_.stage() == request_.known_stage() || response_.stage_tasks() == 0;
     if (response_.tasks_size() > 0 || has_ended(response_.state()) || now >= end_ ||
-        (response_.stage() > 0 && response_.stage_tasks() > 0 && response_.stage() != request_.known_stage()))
+        (!known && (!leased.own || leased.outdated)))
       return finish(grpc::Status::OK);
-    return {.state = State::waiting, .retry_at = std::min(end_, now + seconds(look_seconds))};
+    Clock::time_point look = std::min(end_, now + seconds(look_seconds));
+    if (leased.own_until > now) look = std::min(look, leased.own_until);
+    return {.state = State::waiting, .retry_at = look};
   }
 
   void check_stall(Clock::time_point) override {}
@@ -74,6 +78,8 @@ class LeaseCall final : public grpc::ServerUnaryReactor,
     Tenant& tenant = tenants_.enter(context_, "FarmService.LeaseTasks");
     if (request_.max_tasks() < 1 || request_.max_tasks() > limits::max_leased_tasks)
       throw invalid_lease("max_tasks", "must be 1 to " + std::to_string(limits::max_leased_tasks));
+    if (!(request_.trip_seconds() >= 0 && request_.trip_seconds() <= limits::max_trip_seconds))
+      throw invalid_lease("trip_seconds", "must be 0 to max_trip_seconds");
     if (!(request_.wait_seconds() >= 0 && request_.wait_seconds() <= limits::max_lease_wait_seconds))
       throw invalid_lease("wait_seconds", "must be 0 to max_lease_wait_seconds");
     try {

@@ -50,6 +50,7 @@ std::span<const Entry> table() {
       {"max_leased_tasks", max_leased_tasks, "count", "tasks of one LeaseTasks or PerformTasks call"},
       {"max_lease_bytes", max_lease_bytes, "bytes", "tasks of one LeaseTasks, entries of one ReadJobLog"},
       {"max_lease_wait_seconds", max_lease_wait_seconds, "seconds", "so long LeaseTasks may wait"},
+      {"max_trip_seconds", max_trip_seconds, "seconds", "LeaseTasksRequest.trip_seconds"},
       {"max_result_part_bytes", max_result_part_bytes, "bytes", "part of a task's result"},
       {"max_result_bytes", max_result_bytes, "bytes", "a task's result"},
       {"max_log_entry_bytes", max_log_entry_bytes, "bytes", "entry of a leased job's log"},

@@ -74,6 +74,7 @@ inline constexpr int64_t max_kept_epochs = 4;
 inline constexpr int64_t max_leased_tasks = 1024;
 inline constexpr int64_t max_lease_bytes = 3584 << 10;
 inline constexpr double max_lease_wait_seconds = 60;
+inline constexpr double max_trip_seconds = 10;
 inline constexpr int64_t max_result_part_bytes = 1 << 20;
 inline constexpr int64_t max_result_bytes = 64 << 20;
 inline constexpr int64_t max_log_entry_bytes = render::JobLog::most_entry_bytes;

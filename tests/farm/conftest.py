@@ -8,11 +8,14 @@ from dataclasses import dataclass
 import fogbank
 import pytest
 from fogbank import RenderOptions
+from fogbank.farm.costs import Trips
 from fogbank.paths import server_binary
 
 from tests.farm.scenes import write_scene
 
 Record = Callable[[str, float, str], None]
+
+_TRIP_SECONDS = Trips.seconds
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,18 @@ def own_folders(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Mo
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
     for variable in ("FOGBANK_DATA", "FOGBANK_SERVER", "FOGBANK_SCHEDULER"):
         monkeypatch.delenv(variable, raising=False)
+
+
+@pytest.fixture(autouse=True)
+def everything_travels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What these tests render is so little that the coordinating server would do most of it by itself."""
+    monkeypatch.setattr(Trips, "seconds", lambda _: 0.0)
+
+
+@pytest.fixture
+def trips_as_measured(everything_travels: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """But not those that ask for this."""
+    monkeypatch.setattr(Trips, "seconds", _TRIP_SECONDS)
 
 
 @pytest.fixture(scope="session")

@@ -71,7 +71,9 @@ def test_render(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize(("fill", "frames"), [("first", 4), ("ahead", 60)])
-def test_sweep(tmp_path: Path, capfd: pytest.CaptureFixture[str], record: Record, fill: str, frames: int) -> None:
+def test_sweep(request: pytest.FixtureRequest, tmp_path: Path, record: Record, fill: str, frames: int) -> None:
+    if frames > 4:
+        request.getfixturevalue("trips_as_measured")
     scene = str(write_scene(tmp_path / "scene"))
     path = ("--orbit", str(frames), "--degrees", str(frames), "--fill", fill)
     # Frames that are next to no work: what is measured is what a farm adds.

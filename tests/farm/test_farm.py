@@ -11,7 +11,7 @@ import pytest
 from distributed import Client, Future
 from fogbank import RenderOptions, farm
 from fogbank.farm.coordinator import Coordinator
-from fogbank.farm.costs import BATCH_SECONDS, HANDLING_SECONDS, Costs
+from fogbank.farm.costs import BATCH_SECONDS, HANDLING_SECONDS, Costs, Trips
 from fogbank.farm.job_log import JobLog
 from fogbank.farm.parcels import LogSegment
 
@@ -56,6 +56,23 @@ def test_a_farm_makes_the_pictures_of_one_machine(
             record(f"bytes moved for each {kind} task", moved / figures.tasks, "B")
     if alone.records:
         record("bytes of the log for each record", statistics.log_bytes / alone.records, "B")
+
+
+@pytest.mark.usefixtures("trips_as_measured")
+def test_what_is_less_than_a_trip_is_done_by_the_server(
+    service: fogbank.Service, cluster: Client, tmp_path: Path, expected: Expected, record: Record
+) -> None:
+    job = farm.render(service.load(write_scene(tmp_path / "scene")), cluster, **RECORDS)
+    image = job.result()
+    job.join_farm()
+    alone = expected(RECORDS)
+    assert_same_pictures(image, alone.image)
+    assert job.statistics is not None
+    assert job.statistics.records_new == alone.records
+    assert job.farm.own_tasks > 0
+    assert job.farm.own_cpu_seconds > 0.0
+    record("tasks that the server did itself", job.farm.own_tasks, "")
+    record("tasks that travelled", sum(kind.tasks for kind in job.farm.kinds.values()), "")
 
 
 def test_records_that_are_there_are_sent(service: fogbank.Service, cluster: Client, tmp_path: Path) -> None:
@@ -174,6 +191,24 @@ def test_a_scene_without_its_files_is_refused(service: fogbank.Service, cluster:
     name = service.load(write_scene(tmp_path / "scene")).name
     with pytest.raises(farm.FarmError, match=r"Service\.load"):
         farm.render(service.scene(name), cluster, **PATHS)
+
+
+@pytest.mark.usefixtures("trips_as_measured")
+def test_the_quickest_of_the_newest_trips_counts() -> None:
+    trips = Trips()
+    usual = trips.seconds()
+    assert usual >= HANDLING_SECONDS
+    for seconds in (float("nan"), -1.0, float("inf")):
+        trips.learn(seconds)
+    assert trips.seconds() == usual
+    for seconds in (0.9, 0.07, 0.5):
+        trips.learn(seconds)
+    assert trips.seconds() == 0.07
+    for _ in range(16):
+        trips.learn(5.0)
+    assert trips.seconds() < 5.0, "the server's threads are few, however far the workers are"
+    trips.learn(0.0)
+    assert trips.seconds() == HANDLING_SECONDS, "what the coordinator itself spends on a trip"
 
 
 def test_batches_follow_what_tasks_cost() -> None:

@@ -55,8 +55,9 @@ def build_id(server: Server) -> str:
 class Farm:
     """Carries messages between a job's server and a worker."""
 
-    def __init__(self, coordinator: Server, worker: Server, job: render.Job) -> None:
+    def __init__(self, coordinator: Server, worker: Server, job: render.Job, *, trip_seconds: float = 0) -> None:
         """Nothing is opened yet."""
+        self.trip_seconds = trip_seconds
         self.coordinator = coordinator
         self.worker = worker
         self.job = job
@@ -64,15 +65,24 @@ class Farm:
         self.log = ""
         self.replica = ""
         self.stage = 0
+        self.own_tasks = 0
+        self.leased_tasks = 0
 
     def lease(self, wait: float = 5) -> farm.LeaseTasksResponse:
         """The next tasks."""
         answer = self.coordinator.farm.LeaseTasks(
             farm.LeaseTasksRequest(
-                job=self.job.name, coordinator=self.name, max_tasks=8, wait_seconds=wait, known_stage=self.stage
+                job=self.job.name,
+                coordinator=self.name,
+                max_tasks=8,
+                wait_seconds=wait,
+                known_stage=self.stage,
+                trip_seconds=self.trip_seconds,
             )
         )
         self.stage = answer.stage
+        self.own_tasks = answer.own_tasks
+        self.leased_tasks += len(answer.tasks)
         return answer
 
     def open(self, log: str, build: str | None = None) -> farm.OpenReplicaResponse:
@@ -149,6 +159,27 @@ def test_a_worker_brings_the_coordinators_own_bits(tmp_path: Path, worker: Serve
     assert np.array_equal(images[0][0], images[1][0])
     assert images[0][1:] == images[1][1:]
     assert (images[0][1] > 0) == (integrator == "radiance-cache")
+
+
+@pytest.mark.parametrize("trip_seconds", [0.002, 10])
+@pytest.mark.parametrize("integrator", ["volpath", "radiance-cache"])
+def test_a_coordinator_performs_what_is_less_than_a_trip(
+    tmp_path: Path, worker: Server, integrator: str, trip_seconds: float
+) -> None:
+    images = []
+    for leased in (False, True):
+        server = Server(tmp_path / f"leased-{leased}", "--threads", "2")
+        job = server.create_job(server.create_scene(SCENE).name, SETTINGS[integrator], leased=leased)
+        driver = Farm(server, worker, job, trip_seconds=trip_seconds)
+        ended = driver.run() if leased else server.finish(job.name)
+        images.append((server.image(job.name), ended.result.records_new, ended.result.samples))
+        assert ended.result.rays > 0
+        assert server.stop() == 0
+    assert np.array_equal(images[0][0], images[1][0])
+    assert images[0][1:] == images[1][1:]
+    assert driver.own_tasks > 0
+    if trip_seconds == 10:
+        assert driver.leased_tasks == 0
 
 
 def test_duplicates_latecomers_and_poison(server: Server, worker: Server, isotropic: scene_messages.Scene) -> None:
@@ -294,9 +325,21 @@ def test_bad_requests_are_refused_with_their_reason(
     gap = farm.JobLogEntry(index=7, sha256=entry.sha256, data=entry.data)
     part = farm.TaskResultPart(stage=answer.stage, index=0, offset=5, last=True)
 
-    def lease(name: str = job.name, coordinator: str = "me", max_tasks: int = 1, wait_seconds: float = 0) -> None:
+    def lease(
+        name: str = job.name,
+        coordinator: str = "me",
+        max_tasks: int = 1,
+        wait_seconds: float = 0,
+        trip_seconds: float = 0,
+    ) -> None:
         server.farm.LeaseTasks(
-            farm.LeaseTasksRequest(job=name, coordinator=coordinator, max_tasks=max_tasks, wait_seconds=wait_seconds)
+            farm.LeaseTasksRequest(
+                job=name,
+                coordinator=coordinator,
+                max_tasks=max_tasks,
+                wait_seconds=wait_seconds,
+                trip_seconds=trip_seconds,
+            )
         )
 
     def perform(*tasks: farm.LeasedTask, replica: str = driver.replica, log_length: int = 1) -> None:
@@ -310,6 +353,8 @@ def test_bad_requests_are_refused_with_their_reason(
         (lambda: lease(max_tasks=0), "INVALID_LEASE"),
         (lambda: lease(wait_seconds=-1), "INVALID_LEASE"),
         (lambda: lease(wait_seconds=float("nan")), "INVALID_LEASE"),
+        (lambda: lease(trip_seconds=-1), "INVALID_LEASE"),
+        (lambda: lease(trip_seconds=float("nan")), "INVALID_LEASE"),
         (lambda: lease(coordinator="a b"), "INVALID_LEASE"),
         (lambda: lease(name="jobs/x"), "INVALID_NAME"),
         (lambda: lease(name="jobs/" + 24 * "0"), "JOB_NOT_FOUND"),

@@ -158,6 +158,7 @@ def status(
                 "STATE",
                 "TILES",
                 "OTHER TASKS",
+                "BY SERVER",
                 "CPU",
                 "RECORDS",
                 "MOVED",
@@ -189,6 +190,7 @@ def report_farm(job: FarmJob, output: Output) -> None:
     parts += [
         f"{count} {what}"
         for count, what in (
+            (farm.own_tasks, "tasks shorter than a trip to a worker, done by the server itself"),
             (farm.stragglers, "given to a second worker"),
             (farm.lost, "lost and repeated"),
             (farm.poisoned, "poisoned"),
@@ -227,6 +229,7 @@ def _job_row(name: str, job: dict[str, Any]) -> tuple[str, ...]:
         "ended" if job["ended"] else "silent" if stale else "running",
         str(tiles),
         str(sum(kind["tasks"] for kind in kinds.values()) - tiles),
+        str(farm.get("own_tasks", 0)),
         duration(sum(kind["cpu_seconds"] for kind in kinds.values())),
         str(farm["records"]),
         quantity(moved, "B"),

@@ -97,10 +97,13 @@ class RandomFarm {
 
   void run() {
     while (!job_.ended()) {
-      if (const std::optional<Task> plan = job_.next_task()) {
-        ASSERT_TRUE(std::holds_alternative<PlanTask>(*plan));
-        job_.run(*plan, never);
-        leased_.clear();
+      if (const std::optional<Task> own = job_.next_task()) {
+        job_.run(*own, never);
+        if (std::holds_alternative<PlanTask>(*own)) {
+          leased_.clear();
+        } else {
+          ++own_tasks_;
+        }
         continue;
       }
       while (std::optional<LeasedTask> task = job_.lease()) leased_.push_back(std::move(*task));
@@ -115,6 +118,8 @@ class RandomFarm {
   }
 
   uint32_t stages() const { return stages_; }
+  uint32_t own_tasks() const { return own_tasks_; }
+  uint32_t performed() const { return performed_; }
 
  private:
   uint32_t below(uint32_t end) { return static_cast<uint32_t>(random_() % end); }
@@ -135,6 +140,7 @@ class RandomFarm {
     stages_ = std::max(stages_, task.stage);
     const std::optional<TaskResult> result = some_replica().perform(task, never);
     ASSERT_TRUE(result);
+    ++performed_;
     if (below(4) == 0) {
       TaskResult poisoned = *result;
       poisoned.bytes.resize(below(static_cast<uint32_t>(poisoned.bytes.size())));
@@ -160,6 +166,8 @@ class RandomFarm {
   std::vector<LeasedTask> leased_;
   std::optional<std::pair<LeasedTask, TaskResult>> late_;
   uint32_t stages_ = 0;
+  uint32_t own_tasks_ = 0;
+  uint32_t performed_ = 0;  ///< by replicas
 };
 
 void expect_farm_is_one_process(const std::shared_ptr<const transport::World>& world,
@@ -188,9 +196,37 @@ TEST(LeasedJob, PhotonBeamsOnReplicas) { expect_farm_is_one_process(thin_fog(), 
 // A preview, a finer stage with further records of noisy places, surveys, AOVs.
 TEST(LeasedJob, RadianceCacheOnReplicas) { expect_farm_is_one_process(thin_fog(), "radiance-cache", 12); }
 
+// The coordinator performs what takes it less than a trip: all, or only the cheapest stages and what it
+// tries.
+TEST(LeasedJob, CheapStagesOnTheCoordinator) {
+  const auto world = thin_fog();
+  for (const char* const integrator : {"volpath", "radiance-cache", "photon-beams"}) {
+    const RenderSettings plain = settings_of(*world, integrator);
+    RenderJob job(world, plain);
+    run_to_completion(job, 2);
+    for (const double trip : {1e-4, 1e-3, 1e6}) {
+      SCOPED_TRACE(integrator + std::string(" with trips of ") + std::to_string(trip));
+      const RenderSettings settings = settings_of(*world, integrator);
+      RenderJob leased(world, settings, Performers::replicas);
+      leased.set_trip_seconds(trip);
+      RandomFarm farm(leased, world, 2, 5);
+      farm.run();
+      expect_same(job.image(), leased.image());
+      EXPECT_EQ(bytes_of_records(settings), bytes_of_records(plain));
+      // Photons are what replicas have.
+      if (settings.integrator == "photon-beams") {
+        EXPECT_EQ(farm.own_tasks(), 0);
+      } else {
+        EXPECT_GT(farm.own_tasks(), 0);
+        EXPECT_EQ(farm.performed() == 0, trip > 1);
+      }
+    }
+  }
+}
+
 /// Has the tasks that are leased now performed by `threads` threads of one replica.
 std::vector<std::pair<LeasedTask, TaskResult>> perform_all(RenderJob& job, Replica& replica, int threads) {
-  while (job.plan_due()) job.run(*job.next_task(), never);
+  while (job.caller_due()) job.run(*job.next_task(), never);
   follow(replica, job);
   std::vector<LeasedTask> tasks;
   while (std::optional<LeasedTask> task = job.lease()) tasks.push_back(std::move(*task));
@@ -238,7 +274,7 @@ TEST(LeasedJob, AStoppedTaskThrowsAndCanBePerformedAgain) {
     for (const auto& [task, result] : perform_all(job, replica, 2))
       job.complete(task.stage, task.index, result);
   }
-  while (job.plan_due()) job.run(*job.next_task(), never);
+  while (job.caller_due()) job.run(*job.next_task(), never);
   const LeasedTask task = job.lease().value();
   std::atomic<bool> stop = false;
   std::jthread stopper([&] {

@@ -49,14 +49,21 @@ class Leases(Generic[Other]):
         self._job = job
         self._events = events
         self._wanted = 0
+        self._trip_seconds = 0.0
         self._asked = threading.Semaphore(0)
         self._closed = False
         for target in (self._lease, self._watch):
             threading.Thread(target=self._guard, args=(target,), name="fogbank-farm-leases", daemon=True).start()
 
-    def ask(self, most_tasks: int) -> None:
-        """Asks for tasks: there will be one answer, when there are some or the job is in another stage."""
+    def ask(self, most_tasks: int, trip_seconds: float) -> None:
+        """Asks for tasks: there will be one answer, when there are some or the job is in another stage.
+
+        Args:
+            most_tasks: of the answer.
+            trip_seconds: stages that take the server less are its own (LeaseTasksRequest.trip_seconds).
+        """
         self._wanted = most_tasks
+        self._trip_seconds = trip_seconds
         self._asked.release()
 
     def close(self) -> None:
@@ -84,6 +91,7 @@ class Leases(Generic[Other]):
                 max_tasks=self._wanted,
                 wait_seconds=_LEASE_SECONDS,
                 known_stage=stage,
+                trip_seconds=self._trip_seconds,
             )
             try:
                 response = self._connection.call(lambda stubs: stubs.farm.LeaseTasks, request, idempotent=False)

@@ -35,6 +35,9 @@ _MOST_LEASED_TASKS = 1000
 # How often workers are counted and stragglers looked for.
 _TICK_SECONDS = 0.5
 
+# The last figures are not worth more.
+_FIGURES_SECONDS = 1.0
+
 # Workers that hand in so many poisoned results are set aside.
 _MOST_POISONED = 3
 
@@ -79,6 +82,7 @@ class Coordinator:
         self._costs = costs
         self._events: queue.Queue[_Event] = queue.Queue()
         self._leasing = False
+        self._awaiting = False
         self._log: JobLog | None = None
         self._stage = Stage()
         self._running: dict[str, RunningBatch] = {}
@@ -101,7 +105,7 @@ class Coordinator:
         finally:
             leases.close()
             self._drop(list(self._running.values()))
-            if self._log is not None:
+            if self._log is not None and self.statistics.batches > 0:
                 self._crew.run(close_replicas, self._log.id)
 
     def _next_events(self) -> list[_Event]:
@@ -113,11 +117,27 @@ class Coordinator:
         except queue.Empty:
             return events
 
+    def _note(self, events: Sequence[_Event]) -> None:
+        """What the server did itself, which every answer says."""
+        for event in events:
+            if isinstance(event, farm_pb2.LeaseTasksResponse):
+                self._awaiting = False
+                self.statistics.own_tasks = event.own_tasks
+                self.statistics.own_cpu_seconds = event.own_cpu_seconds
+
+    def _await_figures(self) -> None:
+        """The last answer comes with the job's end, perhaps a moment later."""
+        with contextlib.suppress(queue.Empty):
+            while self._awaiting:
+                self._note([self._events.get(timeout=_FIGURES_SECONDS)])
+
     def _handle(self, events: Sequence[_Event]) -> bool:
+        self._note(events)
         for event in events:
             if isinstance(event, JobEnded):
                 if event.error is not None:
                     raise event.error
+                self._await_figures()
                 return False
             if isinstance(event, farm_pb2.LeaseTasksResponse):
                 # There is nothing to ask for any more; with the end come the last figures.
@@ -183,8 +203,8 @@ class Coordinator:
                 self._stage.give_back(tasks)
                 self._reconnect()
         if not self._leasing and len(self._stage.pending) <= room // 2:
-            self._leasing = True
-            leases.ask(self._appetite())
+            self._leasing = self._awaiting = True
+            leases.ask(self._appetite(), self._crew.trips.seconds())
 
     def _submit(
         self, tasks: Sequence[farm_pb2.LeasedTask], *, workers: Sequence[str] | None = None, second: bool = False
@@ -253,6 +273,8 @@ class Coordinator:
     def _learn(self, running: RunningBatch, result: BatchResult, parts: Sequence[farm_pb2.TaskResultPart]) -> None:
         """Takes note of what the worker has, and of what its tasks cost."""
         worker = result.worker
+        if result.parts:
+            self._crew.trips.learn(time.monotonic() - running.submitted - result.seconds)
         if result.lacks == "scene":
             self._scene.holders.discard(worker)
         elif result.refusal is None:

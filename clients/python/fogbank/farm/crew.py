@@ -13,6 +13,7 @@ from distributed import Client, Future
 from distributed.client import ClosedClientError
 from distributed.deploy.cluster import Cluster
 
+from fogbank.farm.costs import Trips
 from fogbank.farm.errors import FarmError
 from fogbank.farm.parcels import BatchResult
 from fogbank.farm.plugin import FarmPlugin
@@ -32,6 +33,7 @@ class Crew:
 
     Attributes:
         client: to the scheduler; another one after the scheduler was lost for long.
+        trips: to the workers and back.
     """
 
     def __init__(self, cluster: Client | Cluster, plugin: FarmPlugin) -> None:
@@ -41,6 +43,7 @@ class Crew:
         self._plugin = plugin
         self._address = self.client.scheduler_info()["address"]
         self._security = self.client.security
+        self.trips = Trips()
         self._reconnecting = threading.Lock()
         self._threads: dict[str, int] = {}
         self._aside: dict[str, str] = {}

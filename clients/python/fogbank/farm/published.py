@@ -50,7 +50,10 @@ class Publisher:
     def _publish(self, *, ended: bool) -> None:
         if self._crew.client.status != "running":
             return
-        value = {"begun": self._begun, "seen": time.time(), "ended": ended, "farm": self._statistics.as_dict()}
+        figures = self._statistics.as_dict()
+        # The scheduler keeps all that it is told: of a long sweep thousands of jobs.
+        del figures["stages"]
+        value = {"begun": self._begun, "seen": time.time(), "ended": ended, "farm": figures}
         try:
             self._crew.client.set_metadata([_KEY, self._job], value)
         except (OSError, RuntimeError) as error:

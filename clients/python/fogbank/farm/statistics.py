@@ -78,6 +78,12 @@ class FarmStatistics:
     lost: int = 0
     """Batches that were submitted again because their worker or the scheduler was lost."""
 
+    own_tasks: int = 0
+    """That the coordinating server performed itself, since a trip to a worker would have taken longer."""
+
+    own_cpu_seconds: float = 0.0
+    """Of these."""
+
     ignored: int = 0
     """Results that came late or twice."""
 
