@@ -65,6 +65,14 @@ def free_port() -> int:
         return int(one.getsockname()[1])
 
 
+def wait_for_port(host: str, port: int) -> None:
+    """Returns when somebody listens there: on a busy machine a scheduler takes longer to start than clients wait."""
+    while True:
+        with contextlib.suppress(OSError), socket.create_connection((host, port), timeout=1.0):
+            return
+        time.sleep(0.1)
+
+
 def scheduler(port: int, *arguments: str) -> Sequence[str | Path]:
     """The command of a scheduler."""
     return (DASK, "scheduler", "--port", str(port), "--no-dashboard", *arguments)
@@ -85,6 +93,7 @@ def test_a_scheduler_that_is_started_again(
         first = stack.enter_context(running(*scheduler(port, "--host", "127.0.0.1")))
         for number in range(2):
             stack.enter_context(looked_after(*worker(address, tmp_path / str(number))))
+        wait_for_port("127.0.0.1", port)
         client = stack.enter_context(farm.scheduler_client(address))
         client.wait_for_workers(2)
         job = farm.render(service.load(write_scene(tmp_path / "scene")), client, **TILES)
@@ -112,6 +121,7 @@ def test_workers_behind_a_slow_link(
         there = worker(address, tmp_path / "there", "--host", cable.there)
         stack.enter_context(running(*cable.inside(*map(str, there))))
         stack.enter_context(running(*worker(address, tmp_path / "here", "--host", cable.here)))
+        wait_for_port(cable.here, port)
         client = stack.enter_context(farm.scheduler_client(address))
         client.wait_for_workers(2)
         began = time.monotonic()
@@ -137,6 +147,7 @@ def test_scheduler_and_workers_with_certificates(service: fogbank.Service, tmp_p
     with contextlib.ExitStack() as stack:
         stack.enter_context(running(*scheduler(port, "--host", "tls://127.0.0.1", "--protocol", "tls", *tls)))
         stack.enter_context(running(*worker(address, tmp_path / "worker", *tls)))
+        wait_for_port("127.0.0.1", port)
         certificates = farm.SchedulerTls(files["ca"], files["cert"], files["key"])
         client = stack.enter_context(farm.scheduler_client(address, certificates))
         client.wait_for_workers(1)
