@@ -133,8 +133,13 @@ double relative_blur(const std::vector<const TileFilm*>& tiles) {
   const auto kept = static_cast<std::ptrdiff_t>(squares.size() - squares.size() / 1000);
   std::nth_element(squares.begin(), squares.begin() + (kept - 1), squares.end(),
                    [](double a, double b) { return std::fabs(a) < std::fabs(b); });
+  const auto count = static_cast<double>(kept);
   const double sum = std::accumulate(squares.begin(), squares.begin() + kept, 0.0);
-  return std::sqrt(std::fmax(sum / static_cast<double>(kept), 0.0));
+  const double sum_of_squares =
+      std::inner_product(squares.begin(), squares.begin() + kept, squares.begin(), 0.0);
+  const double average = sum / count;
+  const double variance = std::fmax(sum_of_squares / count - average * average, 0.0);
+  return std::sqrt(std::fmax(average, std::sqrt(variance / count)));
 }
 
 }  // namespace fogbank::render

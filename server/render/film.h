@@ -116,8 +116,9 @@ double wanted_share_of_cached_samples(const std::vector<const TileFilm*>& tiles)
 /// What blur adds to the error of an image, in the same measure. A pixel is taken to be off by what it would
 /// be in an edge (film.cpp), given the difference D to its mean with half the radius: 2.12 D. The square of
 /// that is estimated with the variance from the half buffers taken off, which may make it negative in a
-/// pixel, not in the result. Of features narrower than the radius too little is found. 0 where films have no
-/// narrow layer, with one sample, or for a black image.
+/// pixel. The result is at least what could be told from noise, the standard error of the mean over the
+/// pixels: nothing found isn't no bias. Of features narrower than the radius too little is found. 0 where
+/// films have no narrow layer, with one sample, or for a black image.
 double relative_blur(const std::vector<const TileFilm*>& tiles);
 
 }  // namespace fogbank::render
