@@ -31,8 +31,9 @@ ROUNDS = RenderOptions(**{**RECORDS, "size": (96, 64), "error": 0.1, "spp": 32})
 
 KILL_SECONDS = 2.0
 
-# 200 tiles that take long enough for several kills.
+# 200 tiles, and rounds of records, that take long enough for several kills.
 MANY_SAMPLES = RenderOptions(**{**TILES, "spp": 64})
+MANY_RECORDS = RenderOptions(**{**ROUNDS, "error": 0.05, "spp": 384})
 
 
 @pytest.fixture(scope="module", params=[1, 2, 4], ids=["1-worker", "2-workers", "4-workers"])
@@ -82,7 +83,7 @@ def processes(tmp_path: Path) -> Iterator[Client]:
         yield client
 
 
-@pytest.mark.parametrize("options", [MANY_SAMPLES, ROUNDS], ids=["tiles", "records"])
+@pytest.mark.parametrize("options", [MANY_SAMPLES, MANY_RECORDS], ids=["tiles", "records"])
 def test_a_worker_killed_every_two_seconds(
     service: fogbank.Service,
     processes: Client,
