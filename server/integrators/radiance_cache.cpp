@@ -120,6 +120,8 @@ Spectrum RadianceCacheIntegrator::emission(const Walk& walk, const scene::Surfac
 Spectrum RadianceCacheIntegrator::scattered_along(const Walk& walk, const Ray& ray, int32_t medium,
                                                   RandomStream& random, RayCounters& counters) const {
   if (!walk.straight) {
+    // Only now: who finds records everywhere needs none.
+    if (ending_photons_) ending_photons_->complete(counters);
     scene::Hit hit;
     return kernel_.arriving_radiance(ray, medium, walk.depth + 1, random, counters, &hit);
   }
@@ -238,7 +240,6 @@ bool RadianceCacheIntegrator::go_on(Walk& walk, const scene::SurfaceInteraction&
 PixelSample RadianceCacheIntegrator::walk_from(const Ray& ray, bool wants_cached, RandomStream& random,
                                                RayCounters& counters, LookUpObserver* observer) const {
   if (settings_.max_depth == 0) return {};
-  if (ending_photons_) ending_photons_->complete(counters);
   Walk walk;
   walk.ray = ray;
   walk.medium = settings_.camera_medium.value_or(world_->scene().sensor.medium);

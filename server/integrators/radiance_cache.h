@@ -24,8 +24,8 @@ struct PublishedCache {
   double error = 0;          ///< CacheTarget::error of the epoch's metric
   uint8_t generation = 0;    ///< of the records that the camera looks up
   float typical_radius = 0;  ///< of extents at the epoch's threshold, > 0: the step where no record reaches
-  uint32_t photon_paths =
-      0;  ///< that the photons which end paths where no record reaches come from; 0: none do
+  /// That the photons come from which end paths where no record reaches; 0: none do.
+  uint32_t photon_paths = 0;
 };
 
 class RadianceCacheIntegrator final : public Integrator {

@@ -154,6 +154,8 @@ def test_every_acknowledged_job_is_there_and_none_twice(own_server: Server) -> N
 def test_pause_holds_a_job_over_a_restart(own_server: Server, reference: Pixels) -> None:
     name = start_long_job(own_server)
     watcher = own_server.render.WatchJob(render.WatchJobRequest(name=name, without_tiles=True))
+    # Now it watches: one that comes later hears of the pause by its snapshot.
+    assert not next(watcher).snapshot.job.progress.paused
     paused = own_server.render.PauseJob(render.PauseJobRequest(name=name)).job
     assert paused.state == render.JOB_STATE_PAUSED
     assert next(event for event in watcher if event.HasField("progress") and event.progress.paused)
